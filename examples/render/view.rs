@@ -1,0 +1,202 @@
+//! Where to look from: the command line, a file of cameras, or the scene's own views.
+
+use std::collections::HashMap;
+
+use deep_screen_space::{
+    Camera, Viewport,
+    glam::DVec3,
+    reference::trace::{Receiver, Tracer},
+    scenes::Scene,
+};
+use serde::Deserialize;
+
+use crate::{Options, support::raster};
+
+/// A camera and the size of its picture.
+#[derive(Clone, Copy, Debug, Deserialize)]
+pub struct Shot {
+    pub eye: DVec3Array,
+    pub target: DVec3Array,
+    #[serde(default = "up")]
+    pub up: DVec3Array,
+    #[serde(rename = "vfov_deg")]
+    pub vertical_fov_degrees: f64,
+    pub near: f64,
+    pub width: u32,
+    pub height: u32,
+}
+
+type DVec3Array = [f64; 3];
+
+fn up() -> DVec3Array {
+    [0.0, 1.0, 0.0]
+}
+
+#[derive(Deserialize)]
+struct Named {
+    name: String,
+    #[serde(flatten)]
+    shot: Shot,
+}
+
+impl Shot {
+    pub fn camera(&self) -> Result<Camera, String> {
+        let aspect = f64::from(self.width) / f64::from(self.height);
+        if !(self.vertical_fov_degrees > 0.0 && self.vertical_fov_degrees < 180.0) {
+            return Err(format!(
+                "the field of view is {} degrees, accepted is above 0 and below 180",
+                self.vertical_fov_degrees
+            ));
+        }
+        if !(self.near > 0.0 && self.near.is_finite()) {
+            return Err(format!("near is {}, accepted is above 0", self.near));
+        }
+        Camera::look_at(
+            self.eye.into(),
+            self.target.into(),
+            self.up.into(),
+            raster::perspective(self.vertical_fov_degrees, aspect, self.near),
+            Viewport::full(self.width, self.height),
+        )
+        .map_err(|e| e.to_string())
+    }
+
+    /// What a ray through each pixel's centre sees.
+    pub fn receivers(&self, scene: &Scene, tracer: &Tracer) -> Vec<Option<Receiver>> {
+        let Ok(camera) = self.camera() else {
+            return Vec::new();
+        };
+        deep_screen_space::reference::gbuffer::receivers(
+            &camera,
+            tracer,
+            &scene.positions,
+            &scene.normals,
+            &scene.indices,
+        )
+    }
+}
+
+/// Picks the view that the options ask for.
+pub fn choose(options: &Options, scene: &Scene) -> Result<Shot, String> {
+    let mut shot = if let Some(file) = &options.cameras {
+        from_file(options, file)?
+    } else if options.eye.is_some() {
+        around(scene)
+    } else if scene.views.is_empty() {
+        around(scene)
+    } else {
+        from_scene(options, scene)?
+    };
+    if let (Some(eye), Some(target)) = (options.eye, options.target) {
+        shot.eye = eye.to_array();
+        shot.target = target.to_array();
+    }
+    if let Some(vfov) = options.vfov {
+        shot.vertical_fov_degrees = vfov;
+    }
+    if let Some([width, height]) = options.size {
+        shot.width = width;
+        shot.height = height;
+    }
+    Ok(shot)
+}
+
+fn from_file(options: &Options, file: &std::path::Path) -> Result<Shot, String> {
+    let name = file.display();
+    let text = std::fs::read_to_string(file).map_err(|e| format!("{name}: {e}"))?;
+    let scenes: HashMap<String, Vec<Named>> =
+        serde_json::from_str(&text).map_err(|e| format!("{name}: {e}"))?;
+    let stem = options
+        .scene
+        .as_deref()
+        .and_then(|s| std::path::Path::new(s).file_stem())
+        .map(|s| s.to_string_lossy().into_owned())
+        .unwrap_or_default();
+    let cameras = scenes
+        .get(&stem)
+        .ok_or_else(|| format!("{name}: has no cameras for {stem}"))?;
+    let list: Vec<_> = cameras.iter().map(|c| c.name.as_str()).collect();
+    let wanted = options.camera.as_deref();
+    cameras
+        .iter()
+        .find(|c| wanted.is_none_or(|w| w == c.name))
+        .map(|c| c.shot)
+        .ok_or_else(|| unknown(wanted, &list))
+}
+
+fn from_scene(options: &Options, scene: &Scene) -> Result<Shot, String> {
+    let list: Vec<_> = scene.views.iter().map(|v| v.name).collect();
+    let wanted = options.camera.as_deref();
+    let view = scene
+        .views
+        .iter()
+        .find(|v| wanted.is_none_or(|w| w == v.name))
+        .ok_or_else(|| unknown(wanted, &list))?;
+    Ok(Shot {
+        eye: view.eye,
+        target: view.target,
+        up: view.up,
+        vertical_fov_degrees: view.vertical_fov_degrees,
+        near: view.near,
+        width: 768,
+        height: 512,
+    })
+}
+
+fn unknown(wanted: Option<&str>, list: &[&str]) -> String {
+    format!(
+        "there is no camera {}, only {}",
+        wanted.unwrap_or("at all"),
+        list.join(", ")
+    )
+}
+
+/// A view of the whole scene from a corner above it.
+fn around(scene: &Scene) -> Shot {
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for p in &scene.positions {
+        let p = DVec3::from(p.map(f64::from));
+        low = low.min(p);
+        high = high.max(p);
+    }
+    let center = (low + high) / 2.0;
+    let size = (high - low).length();
+    Shot {
+        eye: (center + size * DVec3::new(0.6, 0.4, 0.8)).to_array(),
+        target: center.to_array(),
+        up: up(),
+        vertical_fov_degrees: 45.0,
+        near: 1e-3 * size,
+        width: 768,
+        height: 512,
+    }
+}
+
+/// `x,y,z`.
+pub fn parse_point(text: &str) -> Result<DVec3, String> {
+    let parts: Vec<f64> = text
+        .split(',')
+        .map(|t| t.trim().parse::<f64>().ok().filter(|v| v.is_finite()))
+        .collect::<Option<_>>()
+        .ok_or("three finite numbers, x,y,z")?;
+    match parts[..] {
+        [x, y, z] => Ok(DVec3::new(x, y, z)),
+        _ => Err("three finite numbers, x,y,z".into()),
+    }
+}
+
+/// `WxH`, 1 to 8192 each.
+pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
+    let wrong = || "a width and a height in pixels, WxH, 1 to 8192 each".to_string();
+    let (w, h) = text.split_once('x').ok_or_else(wrong)?;
+    let parse = |t: &str| t.parse().ok().filter(|n| (1..=8192).contains(n)).ok_or_else(wrong);
+    Ok([parse(w)?, parse(h)?])
+}
+
+/// A distance of 0 or more, or `inf`.
+pub fn parse_radius(text: &str) -> Result<f32, String> {
+    text.parse::<f32>()
+        .ok()
+        .filter(|r| *r >= 0.0)
+        .ok_or_else(|| "a distance of 0 or more, or inf".into())
+}

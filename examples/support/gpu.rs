@@ -1,0 +1,236 @@
+//! A device for examples, tests and benches, and the blocking reads that a library must not do.
+
+use deep_screen_space::wgpu::{self, util::DeviceExt};
+
+/// What a device is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ask {
+    /// `Limits::default()` and no features: the portable floor.
+    Floor,
+    /// Everything that the adapter offers.
+    All,
+}
+
+impl Ask {
+    /// `DSS_LIMITS`: `default` or unset for the floor, `all` for everything.
+    pub fn from_env() -> Self {
+        match std::env::var("DSS_LIMITS").as_deref() {
+            Ok("all") => Self::All,
+            Ok("default") | Err(_) => Self::Floor,
+            Ok(other) => panic!("DSS_LIMITS is {other}, accepted is default or all"),
+        }
+    }
+}
+
+/// A device with its queue.
+pub struct Gpu {
+    pub device: wgpu::Device,
+    pub queue: wgpu::Queue,
+    pub adapter: wgpu::AdapterInfo,
+}
+
+impl Gpu {
+    /// Opens the first adapter that wgpu prefers; one line says why there is none.
+    pub fn open(ask: Ask) -> Result<Self, String> {
+        pollster::block_on(async {
+            let instance =
+                wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
+            let adapter = instance
+                .request_adapter(&wgpu::RequestAdapterOptions {
+                    power_preference: wgpu::PowerPreference::HighPerformance,
+                    ..Default::default()
+                })
+                .await
+                .map_err(|e| format!("no graphics adapter: {e} (scripts/demo.sh installs a software Vulkan driver)"))?;
+            let (required_features, required_limits) = match ask {
+                Ask::Floor => (wgpu::Features::empty(), wgpu::Limits::default()),
+                // Experimental features need an unsafe token, and none is of use here.
+                Ask::All => (
+                    adapter.features() & !wgpu::Features::all_experimental_mask(),
+                    adapter.limits(),
+                ),
+            };
+            let (device, queue) = adapter
+                .request_device(&wgpu::DeviceDescriptor {
+                    label: Some("deep-screen-space"),
+                    required_features,
+                    required_limits,
+                    ..Default::default()
+                })
+                .await
+                .map_err(|e| format!("no device: {e}"))?;
+            Ok(Self {
+                device,
+                queue,
+                adapter: adapter.get_info(),
+            })
+        })
+    }
+
+    /// Adapter and driver in a line.
+    pub fn name(&self) -> String {
+        format!("{} ({:?})", self.adapter.name, self.adapter.backend)
+    }
+
+    /// A buffer with contents.
+    pub fn buffer<T: bytemuck::Pod>(&self, contents: &[T], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        // Zero-sized buffers cannot be bound.
+        let bytes: &[u8] = bytemuck::cast_slice(contents);
+        let padded;
+        let bytes = if bytes.is_empty() {
+            &[0; 16]
+        } else if bytes.len() % 4 != 0 {
+            padded = [bytes, &[0; 3]].concat();
+            &padded[..bytes.len().next_multiple_of(4)]
+        } else {
+            bytes
+        };
+        self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: None,
+            contents: bytes,
+            usage,
+        })
+    }
+
+    /// Submits and waits.
+    pub fn finish(&self, encoder: wgpu::CommandEncoder) {
+        self.queue.submit([encoder.finish()]);
+        self.device
+            .poll(wgpu::PollType::wait_indefinitely())
+            .expect("the device answers");
+    }
+
+    /// Records, submits, waits; returns milliseconds of the wall clock. Timestamps in compute passes are wrong on
+    /// lavapipe once a render pass has run, so this is what works everywhere.
+    pub fn time<R>(&self, record: impl FnOnce(&mut wgpu::CommandEncoder) -> R) -> (f64, R) {
+        let mut encoder = self.encoder();
+        let result = record(&mut encoder);
+        let start = std::time::Instant::now();
+        self.finish(encoder);
+        (start.elapsed().as_secs_f64() * 1e3, result)
+    }
+
+    pub fn encoder(&self) -> wgpu::CommandEncoder {
+        self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
+    }
+
+    /// The contents of a buffer with usage `COPY_SRC`.
+    pub fn read_buffer<T: bytemuck::Pod>(&self, buffer: &wgpu::Buffer) -> Vec<T> {
+        let staging = self.staging(buffer.size());
+        let mut encoder = self.encoder();
+        encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, None);
+        self.finish(encoder);
+        self.map(&staging, |bytes| bytemuck::pod_collect_to_vec(bytes))
+    }
+
+    /// The texels of one layer of a texture with usage `COPY_SRC`, rows from the top.
+    pub fn read_texture<T: bytemuck::Pod>(&self, texture: &wgpu::Texture, layer: u32) -> Vec<T> {
+        let size = wgpu::Extent3d {
+            depth_or_array_layers: 1,
+            ..texture.size()
+        };
+        let texel = size_of::<T>();
+        let row = texel * size.width as usize;
+        let padded = row.next_multiple_of(256);
+        let staging = self.staging((padded * size.height as usize) as u64);
+        let mut encoder = self.encoder();
+        encoder.copy_texture_to_buffer(
+            wgpu::TexelCopyTextureInfo {
+                texture,
+                mip_level: 0,
+                origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
+                aspect: wgpu::TextureAspect::All,
+            },
+            wgpu::TexelCopyBufferInfo {
+                buffer: &staging,
+                layout: wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(padded as u32),
+                    rows_per_image: None,
+                },
+            },
+            size,
+        );
+        self.finish(encoder);
+        self.map(&staging, |bytes| {
+            bytes
+                .chunks_exact(padded)
+                .flat_map(|r| bytemuck::pod_collect_to_vec::<u8, T>(&r[..row]))
+                .collect()
+        })
+    }
+
+    /// A texture with contents, of a colour format.
+    pub fn texture<T: bytemuck::Pod>(
+        &self,
+        format: wgpu::TextureFormat,
+        width: u32,
+        height: u32,
+        texels: &[T],
+    ) -> wgpu::TextureView {
+        self.device
+            .create_texture_with_data(
+                &self.queue,
+                &wgpu::TextureDescriptor {
+                    label: None,
+                    size: wgpu::Extent3d {
+                        width,
+                        height,
+                        depth_or_array_layers: 1,
+                    },
+                    mip_level_count: 1,
+                    sample_count: 1,
+                    dimension: wgpu::TextureDimension::D2,
+                    format,
+                    usage: wgpu::TextureUsages::TEXTURE_BINDING,
+                    view_formats: &[],
+                },
+                wgpu::util::TextureDataOrder::LayerMajor,
+                bytemuck::cast_slice(texels),
+            )
+            .create_view(&wgpu::TextureViewDescriptor::default())
+    }
+
+    /// An empty texture to render to and read back.
+    pub fn target(&self, format: wgpu::TextureFormat, width: u32, height: u32) -> wgpu::TextureView {
+        self.device
+            .create_texture(&wgpu::TextureDescriptor {
+                label: None,
+                size: wgpu::Extent3d {
+                    width,
+                    height,
+                    depth_or_array_layers: 1,
+                },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT
+                    | wgpu::TextureUsages::TEXTURE_BINDING
+                    | wgpu::TextureUsages::COPY_SRC,
+                view_formats: &[],
+            })
+            .create_view(&wgpu::TextureViewDescriptor::default())
+    }
+
+    fn staging(&self, size: u64) -> wgpu::Buffer {
+        self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: None,
+            size,
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        })
+    }
+
+    fn map<R>(&self, staging: &wgpu::Buffer, read: impl FnOnce(&[u8]) -> R) -> R {
+        let (sender, receiver) = std::sync::mpsc::channel();
+        staging.map_async(wgpu::MapMode::Read, .., move |result| {
+            let _ = sender.send(result);
+        });
+        self.device
+            .poll(wgpu::PollType::wait_indefinitely())
+            .expect("the device answers");
+        receiver.recv().expect("mapping ends").expect("the buffer maps");
+        read(&staging.get_mapped_range(..).expect("the buffer is mapped"))
+    }
+}

@@ -1,0 +1,11 @@
+//! What examples and benches share: a device, scenes, a G-buffer, the passes wired together, image files.
+
+// Each user needs a part of it.
+#![allow(dead_code)]
+
+pub mod ambient_occlusion;
+pub mod files;
+pub mod gpu;
+pub mod presets;
+pub mod raster;
+pub mod scene;

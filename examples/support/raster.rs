@@ -1,0 +1,185 @@
+//! A small G-buffer, as an engine would have one: depth, normals, albedo.
+
+use deep_screen_space::{
+    Camera, GBuffer, NormalEncoding, NormalSpace,
+    glam::{DMat4, DVec3, Mat4},
+    wgpu,
+};
+
+use super::{gpu::Gpu, scene::SceneBuffers};
+
+const SHADER: &str = r"
+struct View { clip_from_relative: mat4x4f, eye: vec4f }
+@group(0) @binding(0) var<uniform> view: View;
+
+struct Vertex {
+  @builtin(position) clip: vec4f,
+  // From the eye.
+  @location(0) relative: vec3f,
+  @location(1) normal: vec3f,
+}
+
+@vertex
+fn vertex(@location(0) position: vec3f, @location(1) normal: vec3f) -> Vertex {
+  let relative = position - view.eye.xyz;
+  return Vertex(view.clip_from_relative * vec4f(relative, 1.0), relative, normal);
+}
+
+// The interpolated normal, on the side of the face that is seen.
+@fragment
+fn fragment(in: Vertex) -> @location(0) vec4f {
+  var face = normalize(cross(dpdx(in.relative), dpdy(in.relative)));
+  face = select(face, -face, dot(face, in.relative) > 0.0);
+  let n = normalize(in.normal);
+  return vec4f(select(n, -n, dot(n, face) < 0.0), 0.0);
+}
+";
+
+/// A perspective projection with reversed depth and no far plane: what keeps the most precision.
+pub fn perspective(vertical_fov_degrees: f64, aspect: f64, near: f64) -> DMat4 {
+    let f = 1.0 / (vertical_fov_degrees.to_radians() / 2.0).tan();
+    DMat4::from_cols_array(&[
+        f / aspect, 0.0, 0.0, 0.0, //
+        0.0, f, 0.0, 0.0, //
+        0.0, 0.0, 0.0, -1.0, //
+        0.0, 0.0, near, 0.0,
+    ])
+}
+
+/// The textures.
+pub struct Raster {
+    pub depth: wgpu::TextureView,
+    pub normal: wgpu::TextureView,
+}
+
+impl Raster {
+    /// As the passes take it.
+    pub fn gbuffer(&self) -> GBuffer<'_> {
+        GBuffer {
+            depth: &self.depth,
+            normal: &self.normal,
+            normal_encoding: NormalEncoding::Signed,
+            normal_space: NormalSpace::World,
+            albedo: None,
+        }
+    }
+
+    /// Draws a scene for a camera that fills its texture, with reversed depth.
+    pub fn draw(gpu: &Gpu, scene: &SceneBuffers, camera: &Camera) -> Self {
+        let device = &gpu.device;
+        let viewport = camera.viewport();
+        let (width, height) = (viewport.width, viewport.height);
+        let depth = gpu.target(wgpu::TextureFormat::Depth32Float, width, height);
+        let normal = gpu.target(wgpu::TextureFormat::Rgba32Float, width, height);
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: None,
+            entries: &[wgpu::BindGroupLayoutEntry {
+                binding: 0,
+                visibility: wgpu::ShaderStages::VERTEX,
+                ty: wgpu::BindingType::Buffer {
+                    ty: wgpu::BufferBindingType::Uniform,
+                    has_dynamic_offset: false,
+                    min_binding_size: None,
+                },
+                count: None,
+            }],
+        });
+        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: None,
+            bind_group_layouts: &[Some(&layout)],
+            immediate_size: 0,
+        });
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("gbuffer"),
+            source: wgpu::ShaderSource::Wgsl(SHADER.into()),
+        });
+        let attribute = |shader_location| wgpu::VertexAttribute {
+            format: wgpu::VertexFormat::Float32x3,
+            offset: 0,
+            shader_location,
+        };
+        let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some("gbuffer"),
+            layout: Some(&pipeline_layout),
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: Some("vertex"),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                buffers: &[
+                    Some(wgpu::VertexBufferLayout {
+                        array_stride: 12,
+                        step_mode: wgpu::VertexStepMode::Vertex,
+                        attributes: &[attribute(0)],
+                    }),
+                    Some(wgpu::VertexBufferLayout {
+                        array_stride: 12,
+                        step_mode: wgpu::VertexStepMode::Vertex,
+                        attributes: &[attribute(1)],
+                    }),
+                ],
+            },
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil: Some(wgpu::DepthStencilState {
+                format: wgpu::TextureFormat::Depth32Float,
+                depth_write_enabled: Some(true),
+                depth_compare: Some(wgpu::CompareFunction::Greater),
+                stencil: wgpu::StencilState::default(),
+                bias: wgpu::DepthBiasState::default(),
+            }),
+            multisample: wgpu::MultisampleState::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module,
+                entry_point: Some("fragment"),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                targets: &[Some(wgpu::TextureFormat::Rgba32Float.into())],
+            }),
+            multiview_mask: None,
+            cache: None,
+        });
+
+        let eye: DVec3 = camera.eye();
+        let clip: Mat4 = (camera.projection() * DMat4::from_mat3(camera.rotation())).as_mat4();
+        let mut uniform = clip.to_cols_array().to_vec();
+        uniform.extend(eye.as_vec3().extend(0.0).to_array());
+        let uniform = gpu.buffer(&uniform, wgpu::BufferUsages::UNIFORM);
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &layout,
+            entries: &[wgpu::BindGroupEntry {
+                binding: 0,
+                resource: uniform.as_entire_binding(),
+            }],
+        });
+        let mut encoder = gpu.encoder();
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("gbuffer"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: &normal,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                    store: wgpu::StoreOp::Store,
+                },
+            })],
+            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                view: &depth,
+                depth_ops: Some(wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(0.0),
+                    store: wgpu::StoreOp::Store,
+                }),
+                stencil_ops: None,
+            }),
+            ..Default::default()
+        });
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.set_vertex_buffer(0, scene.positions.slice(..));
+        pass.set_vertex_buffer(1, scene.normals.slice(..));
+        pass.set_index_buffer(scene.indices.slice(..), wgpu::IndexFormat::Uint32);
+        pass.draw_indexed(0..scene.index_count, 0, 0..1);
+        drop(pass);
+        gpu.finish(encoder);
+        Self { depth, normal }
+    }
+}

@@ -1,0 +1,77 @@
+//! What a surfel contributes to a pixel: a small piece of WGSL and what it needs bound.
+
+use std::borrow::Cow;
+
+/// How wide an effect's sums are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Channels {
+    /// One: `Sum` is `f32`.
+    #[default]
+    One,
+    /// Three: `Sum` is `vec3f`.
+    Three,
+}
+
+/// An effect: the crate's own ([`AmbientOcclusion`](crate::AmbientOcclusion)) or one of the caller's.
+///
+/// Its `source` is WGSL that defines three functions over the types of `wgsl/common/effect_types.wgsl`:
+///
+/// ```wgsl
+/// // The world-space distance from a surfel beyond which its contribution to any pixel is below epsilon (> 0).
+/// // Proportional to sender.radius.
+/// fn max_distance(sender: Sender, epsilon: f32) -> f32
+/// // What a surfel adds to a pixel's sum. to_sender points from the pixel to the surfel's centre, world units;
+/// // distance2 is its square, which may be 0. Proportional to the surfel's area where it is far.
+/// fn contribution(sender: Sender, receiver_normal: vec3f, to_sender: vec3f, distance2: f32) -> Sum
+/// // From the sum over all surfels to what goes into the caller's texture. The sky's sum is 0.
+/// fn resolve(sum: Sum, albedo: vec3f) -> vec4f
+/// ```
+///
+/// `sender` has `radius` and `normal`, and with [`Effect::materials`] `material.albedo` and `material.emission`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Effect {
+    /// Appears in the labels of what is made for it.
+    pub label: Cow<'static, str>,
+    /// The WGSL.
+    pub source: Cow<'static, str>,
+    /// How wide its sums are.
+    pub channels: Channels,
+    /// Whether `sender.material` exists. The splatter is then given the material table.
+    pub materials: bool,
+    /// Whether `albedo` is the G-buffer's; it is 1 otherwise.
+    pub albedo: bool,
+    /// Whether a surfel contributes behind its back. Where it does not, surfels that face away are never evaluated.
+    pub two_sided: bool,
+    /// Values for `override` constants of `source`.
+    pub constants: Vec<(String, f64)>,
+}
+
+impl Effect {
+    /// The flags that shaders are assembled with.
+    pub(crate) fn flags(&self) -> Vec<&'static str> {
+        let mut flags = Vec::new();
+        if self.channels == Channels::Three {
+            flags.push("COLOR");
+        }
+        if self.materials {
+            flags.push("MATERIAL");
+        }
+        if !self.two_sided {
+            flags.push("ONE_SIDED");
+        }
+        flags
+    }
+
+    /// The constants as pipelines take them.
+    pub(crate) fn overrides(&self) -> Vec<(&str, f64)> {
+        self.constants.iter().map(|(k, v)| (k.as_str(), *v)).collect()
+    }
+
+    /// Format of the textures that hold sums: 32 bits, since sums of thousands of terms do not fit into 16.
+    pub(crate) fn sum_format(&self) -> wgpu::TextureFormat {
+        match self.channels {
+            Channels::One => wgpu::TextureFormat::R32Float,
+            Channels::Three => wgpu::TextureFormat::Rgba32Float,
+        }
+    }
+}

@@ -1,0 +1,49 @@
+//! Ambient occlusion (`wgsl/effects/ambient_occlusion.wgsl`).
+
+use crate::effect::{Channels, Effect};
+
+/// How occluders that may lie behind each other are combined. Sums of form factors know nothing of what hides what.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Overlap {
+    /// Visibility is `1 − Σ F`, at least 0: exact where no occluder hides another, as in a convex room.
+    #[default]
+    Add,
+    /// Visibility is `exp(−Σ F)`: what independent occluders would give. Too bright where they cover each other's gaps
+    /// exactly, as walls do, closer than the sum where many lie behind each other.
+    Independent,
+}
+
+/// Ambient occlusion by point-to-disk form factors: visibility of a uniform sky, cosine-weighted about the pixel's
+/// normal; 1 is open (Deep Screen Space 4; Wallace et al. 1989).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct AmbientOcclusion {
+    /// Whether a surface also occludes behind its back. Closed bodies need their front alone, since what enters
+    /// through a front leaves through a back and would count twice; single sheets (curtains, leaves) need both.
+    pub two_sided: bool,
+    /// How occluders combine.
+    pub overlap: Overlap,
+}
+
+impl AmbientOcclusion {
+    /// The effect. One channel, neither materials nor albedo; writes visibility to r, g and b and 1 to a.
+    pub fn effect(self) -> Effect {
+        Effect {
+            label: "ambient occlusion".into(),
+            source: include_str!("../../wgsl/effects/ambient_occlusion.wgsl").into(),
+            channels: Channels::One,
+            materials: false,
+            albedo: false,
+            two_sided: self.two_sided,
+            constants: vec![
+                ("TWO_SIDED".into(), f64::from(u8::from(self.two_sided))),
+                (
+                    "OVERLAP".into(),
+                    match self.overlap {
+                        Overlap::Add => 0.0,
+                        Overlap::Independent => 1.0,
+                    },
+                ),
+            ],
+        }
+    }
+}

@@ -1,0 +1,3 @@
+//! The crate's own effects.
+
+pub mod ambient_occlusion;

@@ -1,0 +1,207 @@
+//! The caller's G-buffer: borrowed views, how they are encoded, and the checks that they fit.
+
+use wgpu::{TextureFormat as Format, TextureUsages, TextureView};
+
+use crate::{camera::Viewport, error::Error};
+
+/// How the three components of a normal are stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum NormalEncoding {
+    /// xyz as they are, in −1…1: float and snorm formats.
+    #[default]
+    Signed,
+    /// xyz mapped to 0…1: unorm formats, `n = 2 v − 1`.
+    Unsigned,
+    /// Octahedral in two components −1…1 (Cigolle et al., *A Survey of Efficient Representations for Independent
+    /// Unit Vectors*, 2014): float and snorm formats.
+    Octahedral,
+    /// Octahedral mapped to 0…1: unorm formats.
+    OctahedralUnsigned,
+}
+
+/// The axes that normals are given in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum NormalSpace {
+    /// World axes.
+    #[default]
+    World,
+    /// The camera's view axes.
+    View,
+}
+
+/// Views of the caller's G-buffer, all of one size, one sample a pixel, mip level 0.
+///
+/// Pixels are read within the camera's viewport only. A normal that is zero, not finite or too short to normalise is
+/// taken to face the eye; any other length is normalised away.
+#[derive(Clone, Copy, Debug)]
+pub struct GBuffer<'a> {
+    /// The depth that the camera's projection produced: a depth format (its depth aspect), or `R32Float` with the
+    /// same values. Usage `TEXTURE_BINDING`.
+    pub depth: &'a TextureView,
+    /// Shading normals, in any float, snorm or unorm format with the components that the encoding needs. Usage
+    /// `TEXTURE_BINDING`.
+    pub normal: &'a TextureView,
+    /// How normals are stored.
+    pub normal_encoding: NormalEncoding,
+    /// The axes of the normals.
+    pub normal_space: NormalSpace,
+    /// Diffuse albedo (linear, 0…1), for effects that ask for it with
+    /// [`EffectInputs::ALBEDO`](crate::EffectInputs::ALBEDO). Any float or unorm format, usage `TEXTURE_BINDING`.
+    pub albedo: Option<&'a TextureView>,
+}
+
+impl GBuffer<'_> {
+    /// Checks formats, sizes and usages against the rectangle that will be read.
+    ///
+    /// # Errors
+    /// [`Error::Format`], [`Error::Usage`], [`Error::Shape`] or [`Error::Size`], naming the view.
+    pub fn validate(&self, viewport: Viewport) -> Result<(), Error> {
+        check_plain(
+            "GBuffer::depth",
+            self.depth,
+            viewport,
+            TextureUsages::TEXTURE_BINDING,
+        )?;
+        let depth = self.depth.texture().format();
+        if !(depth.has_depth_aspect() || depth == Format::R32Float) {
+            return Err(Error::Format {
+                name: "GBuffer::depth",
+                format: depth,
+                accepted: "a depth format or R32Float",
+            });
+        }
+
+        check_plain(
+            "GBuffer::normal",
+            self.normal,
+            viewport,
+            TextureUsages::TEXTURE_BINDING,
+        )?;
+        let normal = self.normal.texture().format();
+        let unsigned = is_unsigned(normal);
+        let (ok, accepted) = match self.normal_encoding {
+            NormalEncoding::Signed => (
+                normal.components() >= 3 && !unsigned,
+                "a float or snorm format with three components or more",
+            ),
+            NormalEncoding::Unsigned => (
+                normal.components() >= 3 && (unsigned || is_float(normal)),
+                "a unorm or float format with three components or more",
+            ),
+            NormalEncoding::Octahedral => (
+                normal.components() >= 2 && !unsigned,
+                "a float or snorm format with two components or more",
+            ),
+            NormalEncoding::OctahedralUnsigned => (
+                normal.components() >= 2 && (unsigned || is_float(normal)),
+                "a unorm or float format with two components or more",
+            ),
+        };
+        if !ok || !samples_as_float(normal) || normal.is_srgb() {
+            return Err(Error::Format {
+                name: "GBuffer::normal",
+                format: normal,
+                accepted,
+            });
+        }
+
+        if let Some(albedo) = self.albedo {
+            check_plain(
+                "GBuffer::albedo",
+                albedo,
+                viewport,
+                TextureUsages::TEXTURE_BINDING,
+            )?;
+            let format = albedo.texture().format();
+            if !samples_as_float(format) || format.components() < 3 {
+                return Err(Error::Format {
+                    name: "GBuffer::albedo",
+                    format,
+                    accepted: "a float or unorm format with three components or more",
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// How far a stored depth may lie from the true one: half a step of its format. `R32Float` and `Depth32Float`
+    /// round relative to the value instead, which the shader adds itself.
+    pub(crate) fn depth_step(&self) -> f32 {
+        match self.depth.texture().format() {
+            Format::Depth16Unorm => 0.5 / 65535.0,
+            Format::Depth24Plus | Format::Depth24PlusStencil8 => 0.5 / 16_777_215.0,
+            _ => 0.0,
+        }
+    }
+}
+
+/// Checks that a view is of a plain 2-D texture with one sample, of a needed usage, covering the viewport.
+pub(crate) fn check_plain(
+    name: &'static str,
+    view: &TextureView,
+    viewport: Viewport,
+    needed: TextureUsages,
+) -> Result<(), Error> {
+    let texture = view.texture();
+    if texture.dimension() != wgpu::TextureDimension::D2 || texture.sample_count() != 1 {
+        return Err(Error::Shape {
+            name,
+            found: format!(
+                "dimension {:?}, {} samples a pixel",
+                texture.dimension(),
+                texture.sample_count()
+            ),
+            needed: "a 2-D texture with one sample a pixel",
+        });
+    }
+    if !texture.usage().contains(needed) {
+        return Err(Error::Usage {
+            name,
+            usage: texture.usage(),
+            needed,
+        });
+    }
+    let end = viewport.end();
+    if texture.width() < end[0] || texture.height() < end[1] {
+        return Err(Error::Size {
+            name,
+            size: [texture.width(), texture.height()],
+            needed: end,
+        });
+    }
+    Ok(())
+}
+
+fn samples_as_float(format: Format) -> bool {
+    !format.has_depth_aspect()
+        && !format.has_stencil_aspect()
+        && matches!(
+            format.sample_type(None, None),
+            Some(wgpu::TextureSampleType::Float { .. })
+        )
+}
+
+fn is_unsigned(format: Format) -> bool {
+    matches!(
+        format,
+        Format::R8Unorm
+            | Format::Rg8Unorm
+            | Format::Rgba8Unorm
+            | Format::Rgba8UnormSrgb
+            | Format::Bgra8Unorm
+            | Format::Bgra8UnormSrgb
+            | Format::Rgb10a2Unorm
+            | Format::R16Unorm
+            | Format::Rg16Unorm
+            | Format::Rgba16Unorm
+            | Format::Rg11b10Ufloat
+            | Format::Rgb9e5Ufloat
+    )
+}
+
+fn is_float(format: Format) -> bool {
+    matches!(
+        format,
+        Format::Rg16Float | Format::Rgba16Float | Format::Rg32Float | Format::Rgba32Float
+    )
+}

@@ -1,0 +1,238 @@
+//! The caller's triangles: buffers described by offset, stride and format, never copied.
+
+use wgpu::{Buffer, BufferUsages};
+
+use crate::error::Error;
+
+/// How a position is stored in the vertex buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum PositionFormat {
+    /// Three f32 (12 bytes).
+    #[default]
+    Float32x3,
+    /// Four f16, the last one ignored (8 bytes).
+    Float16x4,
+}
+
+impl PositionFormat {
+    const fn bytes(self) -> u64 {
+        match self {
+            Self::Float32x3 => 12,
+            Self::Float16x4 => 8,
+        }
+    }
+}
+
+/// Positions in one of the caller's buffers (usage `STORAGE`, beside `VERTEX` as the caller likes).
+#[derive(Clone, Copy, Debug)]
+pub struct Vertices<'a> {
+    /// The buffer.
+    pub buffer: &'a Buffer,
+    /// Byte offset of the first vertex's position, a multiple of 4.
+    pub offset: u64,
+    /// Bytes from one vertex to the next, a multiple of 4.
+    pub stride: u32,
+    /// How positions are stored.
+    pub format: PositionFormat,
+    /// How many vertices there are. An index at or beyond it drops its triangle and counts it as rejected.
+    pub count: u32,
+}
+
+/// The width of an index.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum IndexFormat {
+    /// 16 bits.
+    Uint16,
+    /// 32 bits.
+    Uint32,
+}
+
+/// Indices in one of the caller's buffers (usage `STORAGE`, beside `INDEX`).
+#[derive(Clone, Copy, Debug)]
+pub struct Indices<'a> {
+    /// The buffer.
+    pub buffer: &'a Buffer,
+    /// Byte offset of index 0, a multiple of the index's size.
+    pub offset: u64,
+    /// The width of an index.
+    pub format: IndexFormat,
+}
+
+/// How an instance's transform is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TransformFormat {
+    /// A column-major 4×4 f32 matrix (64 bytes), its last row taken as (0, 0, 0, 1).
+    Mat4,
+    /// The upper three rows of it, row-major (48 bytes).
+    Rows3x4,
+}
+
+/// Instance transforms, object to world, in one of the caller's buffers (usage `STORAGE`).
+#[derive(Clone, Copy, Debug)]
+pub struct Instances<'a> {
+    /// The buffer.
+    pub buffer: &'a Buffer,
+    /// Byte offset of instance 0's transform, a multiple of 4.
+    pub offset: u64,
+    /// Bytes from one instance to the next, a multiple of 4.
+    pub stride: u32,
+    /// How a transform is stored.
+    pub format: TransformFormat,
+    /// How many instances there are. 0 is valid: nothing is drawn.
+    pub count: u32,
+}
+
+/// A draw of triangles. Front faces wind counter-clockwise seen from the side that their normal points to, before a
+/// mirroring transform.
+#[derive(Clone, Copy, Debug)]
+pub struct Mesh<'a> {
+    /// Where its positions are.
+    pub vertices: Vertices<'a>,
+    /// Where its indices are; `None` takes vertices in order.
+    pub indices: Option<Indices<'a>>,
+    /// The first index, or the first vertex without indices.
+    pub first: u32,
+    /// How many indices (or vertices); a remainder of an incomplete triangle is ignored.
+    pub count: u32,
+    /// Added to every index.
+    pub base_vertex: i32,
+    /// Where its transforms are; `None` is one instance, already in world space.
+    pub instances: Option<Instances<'a>>,
+    /// Index into the material table, for effects that ask for
+    /// [`EffectInputs::MATERIAL`](crate::EffectInputs::MATERIAL).
+    pub material: u32,
+}
+
+impl Mesh<'_> {
+    /// Triangles of one instance.
+    pub(crate) fn triangles(&self) -> u32 {
+        self.count / 3
+    }
+
+    pub(crate) fn instance_count(&self) -> u32 {
+        self.instances.map_or(1, |i| i.count)
+    }
+
+    /// Checks offsets, strides, usages and sizes.
+    ///
+    /// # Errors
+    /// [`Error::Buffer`], naming the buffer.
+    pub fn validate(&self) -> Result<(), Error> {
+        let vertices = &self.vertices;
+        check_layout(
+            "Mesh::vertices",
+            vertices.buffer,
+            vertices.offset,
+            vertices.stride,
+            vertices.format.bytes(),
+            vertices.count,
+        )?;
+        if let Some(indices) = &self.indices {
+            let size = match indices.format {
+                IndexFormat::Uint16 => 2,
+                IndexFormat::Uint32 => 4,
+            };
+            check_usage("Mesh::indices", indices.buffer)?;
+            if !indices.offset.is_multiple_of(size) {
+                return Err(Error::Buffer {
+                    name: "Mesh::indices",
+                    found: format!("offset {}", indices.offset),
+                    needed: format!("a multiple of {size} bytes"),
+                });
+            }
+            let end = indices.offset + (u64::from(self.first) + u64::from(self.count)) * size;
+            check_size("Mesh::indices", indices.buffer, end)?;
+        }
+        if let Some(instances) = &self.instances {
+            let bytes = match instances.format {
+                TransformFormat::Mat4 => 64,
+                TransformFormat::Rows3x4 => 48,
+            };
+            check_layout(
+                "Mesh::instances",
+                instances.buffer,
+                instances.offset,
+                instances.stride,
+                bytes,
+                instances.count,
+            )?;
+        }
+        Ok(())
+    }
+}
+
+fn check_layout(
+    name: &'static str,
+    buffer: &Buffer,
+    offset: u64,
+    stride: u32,
+    bytes: u64,
+    count: u32,
+) -> Result<(), Error> {
+    check_usage(name, buffer)?;
+    if !offset.is_multiple_of(4) || !stride.is_multiple_of(4) || u64::from(stride) < bytes {
+        return Err(Error::Buffer {
+            name,
+            found: format!("offset {offset}, stride {stride}"),
+            needed: format!("multiples of 4 bytes, a stride of at least {bytes}"),
+        });
+    }
+    if count == 0 {
+        return Ok(());
+    }
+    check_size(name, buffer, offset + u64::from(count - 1) * u64::from(stride) + bytes)
+}
+
+fn check_usage(name: &'static str, buffer: &Buffer) -> Result<(), Error> {
+    if buffer.usage().contains(BufferUsages::STORAGE) {
+        Ok(())
+    } else {
+        Err(Error::Buffer {
+            name,
+            found: format!("usage {:?}", buffer.usage()),
+            needed: "usage STORAGE".into(),
+        })
+    }
+}
+
+fn check_size(name: &'static str, buffer: &Buffer, end: u64) -> Result<(), Error> {
+    if buffer.size() >= end {
+        Ok(())
+    } else {
+        Err(Error::Buffer {
+            name,
+            found: format!("{} bytes", buffer.size()),
+            needed: format!("at least {end} bytes"),
+        })
+    }
+}
+
+/// What a surface sends, per material. The table is a storage buffer of these, 32 bytes each, that the caller owns.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Material {
+    /// Linear Lambert albedo, 0…1.
+    pub albedo: [f32; 3],
+    /// 0.
+    pub padding0: f32,
+    /// Emitted radiosity, W/m².
+    pub emission: [f32; 3],
+    /// 0.
+    pub padding1: f32,
+}
+
+/// The triangles of a scene as the caller draws them.
+#[derive(Clone, Copy, Debug)]
+pub struct Geometry<'a> {
+    /// The draws.
+    pub meshes: &'a [Mesh<'a>],
+}
+
+impl Geometry<'_> {
+    /// How many triangles all instances of all meshes have, saturating.
+    pub fn triangles(&self) -> u32 {
+        self.meshes.iter().fold(0, |n: u32, m| {
+            n.saturating_add(m.triangles().saturating_mul(m.instance_count()))
+        })
+    }
+}

@@ -1,0 +1,139 @@
+//! What every pass shares: shader assembly, layouts and pipelines, uniforms, prefix sums, labels and timestamps.
+
+pub(crate) mod binding;
+pub(crate) mod scan;
+pub mod shader;
+
+use bytemuck::Pod;
+use wgpu::{
+    BindGroup, BindGroupLayout, Buffer, BufferUsages, CommandEncoder, ComputePass, ComputePipeline,
+    Device, PipelineCache, ShaderModule, util::DeviceExt,
+};
+
+use crate::error::{Error, check_limit};
+
+/// Where a pass writes its begin and end timestamps. Optional everywhere; the device needs
+/// [`wgpu::Features::TIMESTAMP_QUERY`] to create such a set at all.
+#[derive(Clone, Copy, Debug)]
+pub struct Timestamps<'a> {
+    /// The caller's query set of timestamps.
+    pub set: &'a wgpu::QuerySet,
+    /// Index written when the pass begins.
+    pub begin: u32,
+    /// Index written when the pass has ended.
+    pub end: u32,
+}
+
+/// Invocations a workgroup in every kernel that has no reason for another number.
+pub(crate) const WORKGROUP: u32 = 64;
+
+/// A dispatch dimension ends at 65535; larger counts wrap into rows of this many workgroups, and kernels recover a
+/// linear index with `linear_index` of `wgsl/common/dispatch.wgsl`, which must know the same number.
+pub(crate) const DISPATCH_ROW: u32 = 32768;
+
+/// Workgroup counts for `groups` workgroups in rows of [`DISPATCH_ROW`].
+pub(crate) fn dispatch_rows(groups: u32) -> [u32; 3] {
+    if groups <= DISPATCH_ROW {
+        [groups, 1, 1]
+    } else {
+        [DISPATCH_ROW, groups.div_ceil(DISPATCH_ROW), 1]
+    }
+}
+
+/// A uniform buffer for one recording. A fresh one each time, so that recordings into one encoder, or for two views,
+/// never overwrite each other's parameters before they are submitted.
+pub(crate) fn uniform<T: Pod>(device: &Device, label: &str, value: &T) -> Buffer {
+    device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+        label: Some(label),
+        contents: bytemuck::bytes_of(value),
+        usage: BufferUsages::UNIFORM,
+    })
+}
+
+/// A storage buffer of `bytes` that only the GPU touches, after a check against the binding limit.
+pub(crate) fn storage(
+    device: &Device,
+    label: &'static str,
+    bytes: u64,
+    usage: BufferUsages,
+) -> Result<Buffer, Error> {
+    let limits = device.limits();
+    check_limit(
+        "max_storage_buffer_binding_size",
+        limits.max_storage_buffer_binding_size,
+        bytes,
+        label,
+    )?;
+    check_limit("max_buffer_size", limits.max_buffer_size, bytes, label)?;
+    Ok(device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some(label),
+        size: bytes.max(16),
+        usage: usage | BufferUsages::STORAGE,
+        mapped_at_creation: false,
+    }))
+}
+
+/// Everything that a compute pipeline is made from.
+pub(crate) struct Kernel<'a> {
+    pub label: &'a str,
+    pub module: &'a ShaderModule,
+    pub entry: &'a str,
+    pub layouts: &'a [&'a BindGroupLayout],
+    pub constants: &'a [(&'a str, f64)],
+    pub cache: Option<&'a PipelineCache>,
+}
+
+impl Kernel<'_> {
+    pub fn create(&self, device: &Device) -> ComputePipeline {
+        let layouts: Vec<Option<&BindGroupLayout>> = self.layouts.iter().copied().map(Some).collect();
+        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(self.label),
+            bind_group_layouts: &layouts,
+            immediate_size: 0,
+        });
+        device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(self.label),
+            layout: Some(&layout),
+            module: self.module,
+            entry_point: Some(self.entry),
+            compilation_options: wgpu::PipelineCompilationOptions {
+                constants: self.constants,
+                // Kernels write their workgroup memory before they read it.
+                zero_initialize_workgroup_memory: false,
+            },
+            cache: self.cache,
+        })
+    }
+}
+
+/// A compute pass with the crate's label and the caller's timestamps.
+pub(crate) fn compute_pass<'e>(
+    encoder: &'e mut CommandEncoder,
+    label: &str,
+    timestamps: Option<Timestamps<'_>>,
+) -> ComputePass<'e> {
+    encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+        label: Some(label),
+        timestamp_writes: timestamps.map(|t| wgpu::ComputePassTimestampWrites {
+            query_set: t.set,
+            beginning_of_pass_write_index: Some(t.begin),
+            end_of_pass_write_index: Some(t.end),
+        }),
+    })
+}
+
+/// One dispatch of `groups` workgroups (see [`dispatch_rows`]) with a single bind group.
+pub(crate) fn dispatch(
+    pass: &mut ComputePass<'_>,
+    pipeline: &ComputePipeline,
+    group: &BindGroup,
+    groups: u32,
+) {
+    if groups == 0 {
+        return;
+    }
+    let [x, y, z] = dispatch_rows(groups);
+    pass.set_pipeline(pipeline);
+    pass.set_bind_group(0, group, &[]);
+    pass.dispatch_workgroups(x, y, z);
+}

@@ -1,0 +1,118 @@
+//! Exclusive prefix sums on the GPU (`wgsl/scan.wgsl`).
+
+use wgpu::{BindGroup, BufferUsages, ComputePass, ComputePipeline, Device, PipelineCache, ShaderStages};
+
+use super::{Kernel, binding, dispatch, shader, storage};
+use crate::error::Error;
+
+/// Values that one workgroup scans; `BLOCK` of the shader.
+const BLOCK: u32 = 1024;
+
+pub(crate) const SOURCE: &str = include_str!("../../wgsl/scan.wgsl");
+
+/// The pipelines.
+#[derive(Debug)]
+pub(crate) struct Scan {
+    layout: wgpu::BindGroupLayout,
+    scan_blocks: ComputePipeline,
+    add_totals: ComputePipeline,
+}
+
+/// An array that is scanned in place, with room for the blocks' totals.
+#[derive(Debug)]
+pub(crate) struct ScanBuffer {
+    /// `count + 1` values: after the scan the last one is the total.
+    pub values: wgpu::Buffer,
+    /// A bind group and a number of blocks for each stage, the values themselves first.
+    stages: Vec<(BindGroup, u32)>,
+    totals: Vec<wgpu::Buffer>,
+}
+
+impl Scan {
+    pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
+        let layout = binding::layout(
+            device,
+            "deep-screen-space scan",
+            ShaderStages::COMPUTE,
+            &[(0, binding::WRITE), (1, binding::WRITE)],
+        );
+        let module = shader::create(
+            device,
+            "deep-screen-space scan",
+            shader::assemble("scan", SOURCE, &[], &[])?,
+        );
+        let kernel = |entry| {
+            Kernel {
+                label: "deep-screen-space scan",
+                module: &module,
+                entry,
+                layouts: &[&layout],
+                constants: &[],
+                cache,
+            }
+            .create(device)
+        };
+        let (scan_blocks, add_totals) = (kernel("scan_blocks"), kernel("add_totals"));
+        Ok(Self {
+            layout,
+            scan_blocks,
+            add_totals,
+        })
+    }
+
+    /// Room for `count` values and their total.
+    pub fn buffer(&self, device: &Device, label: &'static str, count: u32) -> Result<ScanBuffer, Error> {
+        let bytes = |n: u32| 4 * u64::from(n);
+        let values = storage(
+            device,
+            label,
+            bytes(count) + 4,
+            BufferUsages::COPY_DST | BufferUsages::COPY_SRC,
+        )?;
+        let mut length = count + 1;
+        let mut totals = Vec::new();
+        loop {
+            let blocks = length.div_ceil(BLOCK);
+            totals.push(storage(device, label, bytes(blocks), BufferUsages::empty())?);
+            length = blocks;
+            if blocks == 1 {
+                break;
+            }
+        }
+        let mut stages = Vec::new();
+        let mut from = &values;
+        let mut length = count + 1;
+        for to in &totals {
+            let group = binding::group(
+                device,
+                label,
+                &self.layout,
+                &[(0, binding::whole(from)), (1, binding::whole(to))],
+            );
+            stages.push((group, length.div_ceil(BLOCK)));
+            length = length.div_ceil(BLOCK);
+            from = to;
+        }
+        Ok(ScanBuffer {
+            values,
+            stages,
+            totals,
+        })
+    }
+
+    pub fn record(&self, pass: &mut ComputePass<'_>, buffer: &ScanBuffer) {
+        for (group, blocks) in &buffer.stages {
+            dispatch(pass, &self.scan_blocks, group, *blocks);
+        }
+        // The last stage is one block: it has no total to add.
+        for (group, blocks) in buffer.stages.iter().rev().skip(1) {
+            dispatch(pass, &self.add_totals, group, *blocks);
+        }
+    }
+}
+
+impl ScanBuffer {
+    pub fn bytes(&self) -> u64 {
+        self.values.size() + self.totals.iter().map(wgpu::Buffer::size).sum::<u64>()
+    }
+}

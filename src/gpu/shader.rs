@@ -1,0 +1,107 @@
+//! Assembly of WGSL modules from the files in `wgsl/`.
+//!
+//! Two directives, each alone on its line: `#import name` puts in a file of `wgsl/common` (once), and
+//! `#if FLAG` … `#else` … `#endif` keeps the lines that a variant needs. A flag decides what is *bound*; whatever only
+//! changes a value is an `override` constant.
+
+use std::{borrow::Cow, collections::BTreeSet};
+
+use crate::error::Error;
+
+const COMMON: &[(&str, &str)] = &[
+    ("math", include_str!("../../wgsl/common/math.wgsl")),
+    ("packing", include_str!("../../wgsl/common/packing.wgsl")),
+    ("hashing", include_str!("../../wgsl/common/hashing.wgsl")),
+    ("camera", include_str!("../../wgsl/common/camera.wgsl")),
+    ("dispatch", include_str!("../../wgsl/common/dispatch.wgsl")),
+    ("receiver", include_str!("../../wgsl/common/receiver.wgsl")),
+    ("surfel", include_str!("../../wgsl/common/surfel.wgsl")),
+    ("levels", include_str!("../../wgsl/common/levels.wgsl")),
+    (
+        "effect_types",
+        include_str!("../../wgsl/common/effect_types.wgsl"),
+    ),
+];
+
+/// One WGSL module as it goes to the device.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Variant {
+    /// Basename of its file in `wgsl/` and the flags that it was assembled with.
+    pub name: String,
+    /// The text.
+    pub source: String,
+    /// What the device must offer for it.
+    pub features: wgpu::Features,
+}
+
+/// Assembles a module. `snippets` are further imports, such as an effect's own code.
+pub(crate) fn assemble(
+    name: &str,
+    text: &str,
+    flags: &[&str],
+    snippets: &[(&str, &str)],
+) -> Result<String, Error> {
+    let mut out = String::with_capacity(text.len() * 2);
+    let mut imported = BTreeSet::new();
+    append(name, text, flags, snippets, &mut imported, &mut out)?;
+    Ok(out)
+}
+
+fn append(
+    name: &str,
+    text: &str,
+    flags: &[&str],
+    snippets: &[(&str, &str)],
+    imported: &mut BTreeSet<String>,
+    out: &mut String,
+) -> Result<(), Error> {
+    let bad = |problem: String| Error::Effect {
+        label: name.into(),
+        problem,
+    };
+    // One entry per open #if: whether its lines are kept, given that the enclosing ones are.
+    let mut open: Vec<bool> = Vec::new();
+    for line in text.lines() {
+        let mut words = line.split_whitespace();
+        let kept = open.iter().all(|&k| k);
+        match (words.next(), words.next()) {
+            (Some("#if"), Some(flag)) => open.push(flags.contains(&flag)),
+            (Some("#else"), None) => {
+                let last = open.last_mut().ok_or_else(|| bad("has #else without #if".into()))?;
+                *last = !*last;
+            }
+            (Some("#endif"), None) => {
+                open.pop().ok_or_else(|| bad("has #endif without #if".into()))?;
+            }
+            (Some("#import"), Some(module)) if kept => {
+                let (key, body) = snippets
+                    .iter()
+                    .chain(COMMON)
+                    .find(|(key, _)| *key == module)
+                    .copied()
+                    .ok_or_else(|| bad(format!("imports {module}, which does not exist")))?;
+                if imported.insert(key.to_owned()) {
+                    append(key, body, flags, snippets, imported, out)?;
+                }
+            }
+            _ if kept => {
+                out.push_str(line);
+                out.push('\n');
+            }
+            _ => {}
+        }
+    }
+    if open.is_empty() {
+        Ok(())
+    } else {
+        Err(bad("has #if without #endif".into()))
+    }
+}
+
+/// A shader module with the crate's label.
+pub(crate) fn create(device: &wgpu::Device, label: &str, source: String) -> wgpu::ShaderModule {
+    device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(label),
+        source: wgpu::ShaderSource::Wgsl(Cow::Owned(source)),
+    })
+}

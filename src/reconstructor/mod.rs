@@ -1,0 +1,404 @@
+//! From level sums to the caller's picture (Deep Screen Space 3.3; `wgsl/reconstructor.wgsl`).
+
+pub(crate) mod params;
+pub(crate) mod settings;
+
+use wgpu::{
+    BindingType, CommandEncoder, ComputePipeline, Device, PipelineCache, RenderPipeline,
+    ShaderStages, TextureFormat, TextureUsages, TextureView, TextureViewDimension,
+};
+
+use self::{params::ReconstructorParams, settings::ReconstructorSettings};
+use crate::{
+    camera::Camera,
+    effect::Effect,
+    error::{Error, check_setting},
+    gbuffer::{GBuffer, check_plain},
+    gpu::{
+        Kernel, Timestamps,
+        binding::{self, FLOAT_2D, FLOAT_ARRAY, UINT_2D, UNIFORM, view, whole},
+        shader, uniform,
+    },
+    receivers::{plane, plane_bytes},
+    shell_splatter::SplatView,
+    surfel::SurfelCloud,
+};
+
+pub(crate) const SOURCE: &str = include_str!("../../wgsl/reconstructor.wgsl");
+
+const LABEL: &str = "deep-screen-space reconstructor";
+
+/// Smooths level sums, adds them up and writes the effect into the caller's texture.
+///
+/// Holds pipelines only, for one effect and one target format; one serves any number of views.
+#[derive(Debug)]
+pub struct Reconstructor {
+    effect: Effect,
+    target: TextureFormat,
+    rows_layout: wgpu::BindGroupLayout,
+    /// Without and with blurred levels.
+    reconstruct_layouts: [wgpu::BindGroupLayout; 2],
+    blur_rows: ComputePipeline,
+    reconstruct: [RenderPipeline; 2],
+}
+
+/// What a [`Reconstructor`] needs for a view with more than one level.
+#[derive(Debug)]
+pub struct ReconstructorView {
+    size: [u32; 2],
+    levels: u32,
+    format: TextureFormat,
+    rows: Option<TextureView>,
+}
+
+impl ReconstructorView {
+    /// GPU memory that it owns, bytes.
+    pub fn memory_bytes(&self) -> u64 {
+        if self.rows.is_some() {
+            plane_bytes(self.format, self.size, self.levels - 1)
+        } else {
+            0
+        }
+    }
+}
+
+/// What one recording of the [`Reconstructor`] works on.
+#[derive(Clone, Copy, Debug)]
+pub struct ReconstructorInput<'a> {
+    /// The G-buffer that was splatted to.
+    pub gbuffer: GBuffer<'a>,
+    /// Its camera.
+    pub camera: &'a Camera,
+    /// The cloud that was splatted.
+    pub cloud: &'a SurfelCloud,
+    /// The level sums.
+    pub sums: &'a SplatView,
+    /// How many levels were splatted.
+    pub levels: u32,
+    /// The caller's texture, of the format that the reconstructor was made for, usage `RENDER_ATTACHMENT`, covering the
+    /// camera's viewport. Only the viewport is written.
+    pub target: &'a TextureView,
+    /// Where to write begin and end times, if anywhere.
+    pub timestamps: Option<Timestamps<'a>>,
+}
+
+impl Reconstructor {
+    /// Compiles the pipelines. `target` is any colour format that can be rendered to (`R8Unorm`, `R16Float`,
+    /// `Rgba16Float` …); its missing channels are dropped.
+    ///
+    /// # Errors
+    /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats.
+    pub fn new(
+        device: &Device,
+        effect: &Effect,
+        target: TextureFormat,
+        cache: Option<&PipelineCache>,
+    ) -> Result<Self, Error> {
+        let float = matches!(
+            target.sample_type(None, Some(device.features())),
+            Some(wgpu::TextureSampleType::Float { .. })
+        );
+        let renderable = target
+            .guaranteed_format_features(device.features())
+            .allowed_usages
+            .contains(TextureUsages::RENDER_ATTACHMENT);
+        if target.has_depth_aspect() || !float || !renderable {
+            return Err(Error::Format {
+                name: "Reconstructor target",
+                format: target,
+                accepted: "a colour format of floats that can be rendered to",
+            });
+        }
+        let format = effect.sum_format();
+        let rows_layout = binding::layout(
+            device,
+            LABEL,
+            ShaderStages::COMPUTE,
+            &[
+                (0, UNIFORM),
+                (1, UINT_2D),
+                (2, FLOAT_ARRAY),
+                (3, binding::store(format, TextureViewDimension::D2Array)),
+            ],
+        );
+        let rows_module = shader::create(
+            device,
+            LABEL,
+            source(effect, ReconstructorVariant::Rows)?,
+        );
+        let blur_rows = Kernel {
+            label: LABEL,
+            module: &rows_module,
+            entry: "blur_rows",
+            layouts: &[&rows_layout],
+            constants: &[],
+            cache,
+        }
+        .create(device);
+
+        let variants = [false, true].map(|blurred| {
+            let mut entries: Vec<(u32, BindingType)> =
+                vec![(0, UNIFORM), (1, UINT_2D), (2, FLOAT_ARRAY)];
+            entries.extend(blurred.then_some((3, FLOAT_ARRAY)));
+            entries.extend(effect.albedo.then_some((4, FLOAT_2D)));
+            let layout = binding::layout(device, LABEL, ShaderStages::FRAGMENT, &entries);
+            let module = shader::create(
+                device,
+                LABEL,
+                source(effect, ReconstructorVariant::Columns { blurred })?,
+            );
+            let pipeline = render_pipeline(device, effect, &module, &layout, target, cache);
+            Ok((layout, pipeline))
+        });
+        let [plain, blurred] = variants;
+        let ((plain_layout, plain), (blurred_layout, blurred)) = (plain?, blurred?);
+        Ok(Self {
+            effect: effect.clone(),
+            target,
+            rows_layout,
+            reconstruct_layouts: [plain_layout, blurred_layout],
+            blur_rows,
+            reconstruct: [plain, blurred],
+        })
+    }
+
+    /// Room for a view of `width` × `height` pixels: nothing with one level.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for a size out of range, [`Error::Limit`] for one beyond the device's.
+    pub fn create_view(
+        &self,
+        device: &Device,
+        width: u32,
+        height: u32,
+        levels: u32,
+    ) -> Result<ReconstructorView, Error> {
+        check_setting(
+            (1..=crate::shell_splatter::settings::MAX_LEVELS).contains(&levels),
+            "levels",
+            levels,
+            "1 to 8",
+        )?;
+        let size = [width, height];
+        let format = self.effect.sum_format();
+        let rows = (levels > 1)
+            .then(|| plane(device, "deep-screen-space blurred rows", format, size, levels - 1))
+            .transpose()?;
+        Ok(ReconstructorView {
+            size,
+            levels,
+            format,
+            rows: rows.map(|texture| {
+                texture.create_view(&wgpu::TextureViewDescriptor {
+                    dimension: Some(TextureViewDimension::D2Array),
+                    ..Default::default()
+                })
+            }),
+        })
+    }
+
+    /// Records the reconstruction into the caller's texture.
+    ///
+    /// # Errors
+    /// [`Error::Setting`], [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target, [`Error::Mismatch`]
+    /// where sums and view disagree with the camera or with each other.
+    pub fn record(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        input: &ReconstructorInput<'_>,
+        settings: &ReconstructorSettings,
+        scratch: &ReconstructorView,
+    ) -> Result<(), Error> {
+        settings.validate()?;
+        self.check(input, scratch)?;
+        let viewport = input.camera.viewport();
+        let params = uniform(
+            device,
+            LABEL,
+            &ReconstructorParams::new(settings, input.camera, input.cloud.origin(), input.levels),
+        );
+        let rows = scratch.rows.as_ref().filter(|_| input.levels > 1);
+        let shared = [
+            (0, whole(&params)),
+            (1, view(&input.sums.receivers.view)),
+            (2, view(input.sums.sums())),
+        ];
+
+        encoder.push_debug_group(LABEL);
+        if let Some(rows) = rows {
+            let mut resources = shared.to_vec();
+            resources.push((3, view(rows)));
+            let group = binding::group(device, LABEL, &self.rows_layout, &resources);
+            let begin = input.timestamps.map(|t| wgpu::ComputePassTimestampWrites {
+                query_set: t.set,
+                beginning_of_pass_write_index: Some(t.begin),
+                end_of_pass_write_index: None,
+            });
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                label: Some(LABEL),
+                timestamp_writes: begin,
+            });
+            pass.set_pipeline(&self.blur_rows);
+            pass.set_bind_group(0, &group, &[]);
+            pass.dispatch_workgroups(
+                viewport.width.div_ceil(8),
+                viewport.height.div_ceil(8),
+                input.levels - 1,
+            );
+        }
+
+        let blurred = usize::from(rows.is_some());
+        let mut resources = shared.to_vec();
+        resources.extend(rows.map(|rows| (3, view(rows))));
+        if self.effect.albedo {
+            resources.extend(input.gbuffer.albedo.map(|albedo| (4, view(albedo))));
+        }
+        let group = binding::group(device, LABEL, &self.reconstruct_layouts[blurred], &resources);
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some(LABEL),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: input.target,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Load,
+                    store: wgpu::StoreOp::Store,
+                },
+            })],
+            timestamp_writes: input.timestamps.map(|t| wgpu::RenderPassTimestampWrites {
+                query_set: t.set,
+                beginning_of_pass_write_index: rows.is_none().then_some(t.begin),
+                end_of_pass_write_index: Some(t.end),
+            }),
+            ..Default::default()
+        });
+        pass.set_viewport(
+            viewport.x as f32,
+            viewport.y as f32,
+            viewport.width as f32,
+            viewport.height as f32,
+            0.0,
+            1.0,
+        );
+        pass.set_scissor_rect(viewport.x, viewport.y, viewport.width, viewport.height);
+        pass.set_pipeline(&self.reconstruct[blurred]);
+        pass.set_bind_group(0, &group, &[]);
+        pass.draw(0..3, 0..1);
+        drop(pass);
+        encoder.pop_debug_group();
+        Ok(())
+    }
+
+    fn check(&self, input: &ReconstructorInput<'_>, scratch: &ReconstructorView) -> Result<(), Error> {
+        let viewport = input.camera.viewport();
+        let size = [viewport.width, viewport.height];
+        check_plain(
+            "ReconstructorInput::target",
+            input.target,
+            viewport,
+            TextureUsages::RENDER_ATTACHMENT,
+        )?;
+        let format = input.target.texture().format();
+        if format != self.target {
+            return Err(Error::Mismatch {
+                name: "Reconstructor",
+                found: format!("{:?}", self.target),
+                needed: format!("{format:?}"),
+            });
+        }
+        if self.effect.albedo {
+            input.gbuffer.validate(viewport)?;
+            if input.gbuffer.albedo.is_none() {
+                return Err(Error::Mismatch {
+                    name: "GBuffer",
+                    found: "no albedo".into(),
+                    needed: format!("the effect {}", self.effect.label),
+                });
+            }
+        }
+        let sums = input.sums;
+        if sums.size() != size
+            || sums.levels() < input.levels
+            || sums.format() != self.effect.sum_format()
+        {
+            return Err(Error::Mismatch {
+                name: "SplatView",
+                found: format!("{:?} pixels, {} levels, {:?}", sums.size(), sums.levels(), sums.format()),
+                needed: format!("{size:?} pixels, {} levels, {:?}", input.levels, self.effect.sum_format()),
+            });
+        }
+        if scratch.size != size
+            || scratch.levels < input.levels
+            || scratch.format != self.effect.sum_format()
+            || input.levels == 0
+        {
+            return Err(Error::Mismatch {
+                name: "ReconstructorView",
+                found: format!("{:?} pixels, {} levels, {:?}", scratch.size, scratch.levels, scratch.format),
+                needed: format!("{size:?} pixels, {} levels (at least 1)", input.levels),
+            });
+        }
+        Ok(())
+    }
+}
+
+fn render_pipeline(
+    device: &Device,
+    effect: &Effect,
+    module: &wgpu::ShaderModule,
+    layout: &wgpu::BindGroupLayout,
+    target: TextureFormat,
+    cache: Option<&PipelineCache>,
+) -> RenderPipeline {
+    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some(LABEL),
+        bind_group_layouts: &[Some(layout)],
+        immediate_size: 0,
+    });
+    let constants = effect.overrides();
+    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some(LABEL),
+        layout: Some(&layout),
+        vertex: wgpu::VertexState {
+            module,
+            entry_point: Some("cover"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState::default(),
+        depth_stencil: None,
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module,
+            entry_point: Some("reconstruct"),
+            compilation_options: wgpu::PipelineCompilationOptions {
+                constants: &constants,
+                ..Default::default()
+            },
+            targets: &[Some(target.into())],
+        }),
+        multiview_mask: None,
+        cache,
+    })
+}
+
+/// The modules that a reconstructor is made of.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum ReconstructorVariant {
+    Rows,
+    Columns { blurred: bool },
+}
+
+/// Assembles one of them.
+pub(crate) fn source(effect: &Effect, variant: ReconstructorVariant) -> Result<String, Error> {
+    let mut flags = effect.flags();
+    match variant {
+        ReconstructorVariant::Rows => flags.push("ROWS"),
+        ReconstructorVariant::Columns { blurred } => {
+            flags.extend(blurred.then_some("BLURRED"));
+            flags.extend(effect.albedo.then_some("ALBEDO"));
+        }
+    }
+    shader::assemble("reconstructor", SOURCE, &flags, &[("effect", effect.source.as_ref())])
+}

@@ -1,0 +1,473 @@
+//! Sums of surfels' contributions per pixel, near ones finely and far ones coarsely (Deep Screen Space 3.2;
+//! `wgsl/shell_splatter.wgsl`).
+
+pub(crate) mod params;
+pub(crate) mod settings;
+
+use wgpu::{
+    BindingType, Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, Features,
+    PipelineCache, ShaderStages, TextureFormat, TextureView, TextureViewDimension,
+};
+
+use self::{
+    params::{LevelPlace, SplatParams, place_levels},
+    settings::{MIN_EPSILON, SplatSettings},
+};
+use crate::{
+    camera::Camera,
+    effect::Effect,
+    error::{Error, check_setting},
+    gbuffer::GBuffer,
+    gpu::{
+        Kernel, Timestamps, WORKGROUP,
+        binding::{self, READ, UINT_2D, UNIFORM, WRITE, whole},
+        compute_pass, dispatch, shader, storage, uniform,
+    },
+    receivers::{Receivers, ReceiversPass, plane, plane_bytes},
+    surfel::SurfelCloud,
+    surfelizer::settings::Reach,
+};
+
+pub(crate) const SOURCE: &str = include_str!("../../wgsl/shell_splatter.wgsl");
+
+const LABEL: &str = "deep-screen-space shell splatter";
+
+/// Splats surfels for one [`Effect`]. Holds pipelines only; one serves any number of views.
+#[derive(Debug)]
+pub struct ShellSplatter {
+    effect: Effect,
+    statistics: bool,
+    build_layout: wgpu::BindGroupLayout,
+    splat_layout: wgpu::BindGroupLayout,
+    build_clusters: ComputePipeline,
+    build_groups: ComputePipeline,
+    splat: ComputePipeline,
+    receivers: ReceiversPass,
+}
+
+/// What a [`ShellSplatter`] is compiled for.
+#[derive(Clone, Copy, Debug)]
+pub struct ShellSplatterDescriptor<'a> {
+    /// The effect.
+    pub effect: &'a Effect,
+    /// Whether to use subgroup operations; see [`ShellSplatter::optional_features`].
+    pub subgroups: bool,
+    /// Whether to count pairs into [`SplatView::statistics`]. Slower; for measuring.
+    pub statistics: bool,
+    /// The caller's cache, if any.
+    pub cache: Option<&'a PipelineCache>,
+}
+
+/// Bounds of runs of a cloud's surfels on each level. Made once a cloud, for any number of views.
+#[derive(Debug)]
+pub struct SurfelClusters {
+    buffer: Buffer,
+    places: Vec<LevelPlace>,
+    capacity: u32,
+}
+
+impl SurfelClusters {
+    /// GPU memory that it owns, bytes.
+    pub fn memory_bytes(&self) -> u64 {
+        self.buffer.size()
+    }
+}
+
+/// The textures of one view: its receivers and its sums per level.
+#[derive(Debug)]
+pub struct SplatView {
+    pub(crate) receivers: Receivers,
+    pub(crate) sums: TextureView,
+    format: TextureFormat,
+    levels: u32,
+    statistics: Option<Buffer>,
+}
+
+impl SplatView {
+    /// Width and height in pixels: that of the cameras' viewports.
+    pub fn size(&self) -> [u32; 2] {
+        self.receivers.size
+    }
+
+    /// How many levels it has room for.
+    pub fn levels(&self) -> u32 {
+        self.levels
+    }
+
+    /// The sums: an array texture with a layer a level, `R32Float` or `Rgba32Float` by the effect's channels, row 0 on
+    /// top (usages `TEXTURE_BINDING | COPY_SRC`). Level sums are noisy by design; their total is the effect's sum.
+    pub fn sums(&self) -> &TextureView {
+        &self.sums
+    }
+
+    /// What the last recording counted, where the splatter was made to: four `u32` a level, namely pairs evaluated,
+    /// those within their shell, those of them that contributed, and an unused one (usage `COPY_SRC`).
+    pub fn statistics(&self) -> Option<&Buffer> {
+        self.statistics.as_ref()
+    }
+
+    pub(crate) fn format(&self) -> TextureFormat {
+        self.format
+    }
+
+    /// GPU memory that it owns, bytes.
+    pub fn memory_bytes(&self) -> u64 {
+        plane_bytes(TextureFormat::Rgba32Uint, self.size(), 1)
+            + plane_bytes(self.format, self.size(), self.levels)
+            + self.statistics.as_ref().map_or(0, Buffer::size)
+    }
+}
+
+/// What one recording of the [`ShellSplatter`] works on.
+#[derive(Clone, Copy, Debug)]
+pub struct SplatInput<'a> {
+    /// The caller's G-buffer.
+    pub gbuffer: GBuffer<'a>,
+    /// The camera that the G-buffer was drawn with; it may be another than the cloud's (stereo, split screen).
+    pub camera: &'a Camera,
+    /// The surfels.
+    pub cloud: &'a SurfelCloud,
+    /// Their clusters.
+    pub clusters: &'a SurfelClusters,
+    /// A storage buffer of [`Material`](crate::Material)s, for an effect with [`Effect::materials`]. An index beyond
+    /// its end takes the last one.
+    pub materials: Option<&'a Buffer>,
+    /// Where to write begin and end times, if anywhere.
+    pub timestamps: Option<Timestamps<'a>>,
+}
+
+impl ShellSplatter {
+    /// Features that make it faster where the device has them. None is needed.
+    pub fn optional_features() -> Features {
+        Features::SUBGROUP
+    }
+
+    /// Compiles the pipelines.
+    ///
+    /// # Errors
+    /// [`Error::Feature`] where subgroups are asked for and the device lacks them, [`Error::Effect`] where the effect's
+    /// source has a malformed directive. WGSL that does not compile is wgpu's own validation error, as for any shader.
+    pub fn new(device: &Device, descriptor: &ShellSplatterDescriptor<'_>) -> Result<Self, Error> {
+        let effect = descriptor.effect;
+        if descriptor.subgroups && !device.features().contains(Features::SUBGROUP) {
+            return Err(Error::Feature {
+                feature: Features::SUBGROUP,
+                why: "ShellSplatterDescriptor::subgroups",
+            });
+        }
+        let shared = [(0, UNIFORM), (1, READ), (2, READ), (3, READ)];
+        let materials = effect.materials.then_some((7, READ));
+        let statistics = descriptor.statistics.then_some((8, WRITE));
+        let stages = ShaderStages::COMPUTE;
+        let build: Vec<(u32, BindingType)> = shared
+            .into_iter()
+            .chain([(4, WRITE)])
+            .chain(materials)
+            .collect();
+        let splat: Vec<(u32, BindingType)> = shared
+            .into_iter()
+            .chain([
+                (4, READ),
+                (5, UINT_2D),
+                (
+                    6,
+                    binding::store(effect.sum_format(), TextureViewDimension::D2Array),
+                ),
+            ])
+            .chain(materials)
+            .chain(statistics)
+            .collect();
+        let build_layout = binding::layout(device, LABEL, stages, &build);
+        let splat_layout = binding::layout(device, LABEL, stages, &splat);
+
+        let module = |variant| -> Result<_, Error> {
+            let source = source(effect, variant)?;
+            Ok(shader::create(device, &label(effect, "shell splatter"), source))
+        };
+        let build_module = module(SplatVariant::Build)?;
+        let splat_module = module(SplatVariant::Splat {
+            subgroups: descriptor.subgroups,
+            statistics: descriptor.statistics,
+        })?;
+        let constants = effect.overrides();
+        let kernel = |module, entry, layout: &wgpu::BindGroupLayout| {
+            Kernel {
+                label: &label(effect, entry),
+                module,
+                entry,
+                layouts: &[layout],
+                constants: &constants,
+                cache: descriptor.cache,
+            }
+            .create(device)
+        };
+        Ok(Self {
+            build_clusters: kernel(&build_module, "build_clusters", &build_layout),
+            build_groups: kernel(&build_module, "build_groups", &build_layout),
+            splat: kernel(&splat_module, "splat", &splat_layout),
+            receivers: ReceiversPass::new(device, descriptor.cache)?,
+            effect: effect.clone(),
+            statistics: descriptor.statistics,
+            build_layout,
+            splat_layout,
+        })
+    }
+
+    /// How far surfels reach with these settings, if the effect's `max_distance` is that of a form factor,
+    /// `r √(1/ε − 1)`: what to give to [`SurfelizerSettings::reach`](crate::SurfelizerSettings::reach).
+    pub fn reach(settings: &SplatSettings) -> Reach {
+        let epsilon = settings.epsilon.max(MIN_EPSILON);
+        let radii = (1.0 / epsilon - 1.0).max(0.0).sqrt()
+            * (1_u32 << settings.levels.clamp(1, settings::MAX_LEVELS).saturating_sub(1)) as f32;
+        Reach {
+            radii: if settings.unbounded { f32::INFINITY } else { radii },
+            world: settings.radius,
+        }
+    }
+
+    /// Room for the clusters of a cloud.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for levels out of range, [`Error::Limit`] where the device cannot bind as much.
+    pub fn create_clusters(
+        &self,
+        device: &Device,
+        cloud: &SurfelCloud,
+        levels: u32,
+    ) -> Result<SurfelClusters, Error> {
+        check_levels(levels)?;
+        let (places, count) = place_levels(cloud.capacity.surfels, levels);
+        Ok(SurfelClusters {
+            buffer: storage(
+                device,
+                "deep-screen-space surfel clusters",
+                count * 32,
+                BufferUsages::empty(),
+            )?,
+            places,
+            capacity: cloud.capacity.surfels,
+        })
+    }
+
+    /// Textures for a view of `width` × `height` pixels.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for levels or a size out of range, [`Error::Limit`] for a size beyond the device's.
+    pub fn create_view(
+        &self,
+        device: &Device,
+        width: u32,
+        height: u32,
+        levels: u32,
+    ) -> Result<SplatView, Error> {
+        check_levels(levels)?;
+        let size = [width, height];
+        let format = self.effect.sum_format();
+        let sums = plane(device, "deep-screen-space level sums", format, size, levels)?;
+        let statistics = self
+            .statistics
+            .then(|| {
+                storage(
+                    device,
+                    "deep-screen-space splat statistics",
+                    16 * u64::from(levels),
+                    BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
+                )
+            })
+            .transpose()?;
+        Ok(SplatView {
+            receivers: Receivers::new(device, size)?,
+            sums: sums.create_view(&wgpu::TextureViewDescriptor {
+                dimension: Some(TextureViewDimension::D2Array),
+                ..Default::default()
+            }),
+            format,
+            levels,
+            statistics,
+        })
+    }
+
+    /// Records the clustering of a cloud, after the recording that makes it and before those that splat it.
+    ///
+    /// # Errors
+    /// [`Error::Setting`], or [`Error::Mismatch`] where the clusters were made for another cloud's capacity or fewer
+    /// levels.
+    pub fn record_clusters(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        cloud: &SurfelCloud,
+        materials: Option<&Buffer>,
+        settings: &SplatSettings,
+        clusters: &SurfelClusters,
+        timestamps: Option<Timestamps<'_>>,
+    ) -> Result<(), Error> {
+        settings.validate()?;
+        self.check_clusters(cloud, settings, clusters)?;
+        let materials = self.check_materials(materials)?;
+        encoder.push_debug_group(LABEL);
+        let mut pass = compute_pass(encoder, &label(&self.effect, "clusters"), timestamps);
+        for level in 0..settings.levels {
+            let place = clusters.places[level as usize];
+            let params = uniform(device, LABEL, &SplatParams::new(settings, level, [1, 1], place));
+            let mut resources = vec![
+                (0, whole(&params)),
+                (1, whole(&cloud.surfels)),
+                (2, whole(&cloud.sources)),
+                (3, whole(&cloud.counters)),
+                (4, whole(&clusters.buffer)),
+            ];
+            resources.extend(materials.map(|m| (7, whole(m))));
+            let group = binding::group(device, LABEL, &self.build_layout, &resources);
+            let threads = |per_sub_buffer: u32| (per_sub_buffer << (2 * level)).div_ceil(WORKGROUP);
+            dispatch(&mut pass, &self.build_clusters, &group, threads(place.clusters));
+            dispatch(&mut pass, &self.build_groups, &group, threads(place.groups));
+        }
+        drop(pass);
+        encoder.pop_debug_group();
+        Ok(())
+    }
+
+    /// Records the splatting of a cloud into a view's sums.
+    ///
+    /// # Errors
+    /// What [`GBuffer::validate`] and [`SplatSettings::validate`] find; [`Error::Mismatch`] where the view has another
+    /// size than the camera's viewport, or fewer levels than the settings; [`Error::Buffer`] for a missing material
+    /// table.
+    pub fn record(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        input: &SplatInput<'_>,
+        settings: &SplatSettings,
+        view: &SplatView,
+    ) -> Result<(), Error> {
+        settings.validate()?;
+        let viewport = input.camera.viewport();
+        input.gbuffer.validate(viewport)?;
+        self.check_clusters(input.cloud, settings, input.clusters)?;
+        let materials = self.check_materials(input.materials)?;
+        if view.size() != [viewport.width, viewport.height]
+            || view.levels < settings.levels
+            || view.format != self.effect.sum_format()
+        {
+            return Err(Error::Mismatch {
+                name: "SplatView",
+                found: format!("{:?} pixels, {} levels, {:?}", view.size(), view.levels, view.format),
+                needed: format!(
+                    "{:?} pixels, {} levels, {:?}",
+                    [viewport.width, viewport.height],
+                    settings.levels,
+                    self.effect.sum_format()
+                ),
+            });
+        }
+        encoder.push_debug_group(LABEL);
+        if let Some(statistics) = &view.statistics {
+            encoder.clear_buffer(statistics, 0, None);
+        }
+        self.receivers.record(
+            device,
+            encoder,
+            &input.gbuffer,
+            input.camera,
+            input.cloud.origin(),
+            &view.receivers,
+            None,
+        );
+        let mut pass = compute_pass(encoder, &label(&self.effect, "splat"), input.timestamps);
+        for level in 0..settings.levels {
+            let place = input.clusters.places[level as usize];
+            let params = SplatParams::new(settings, level, view.size(), place);
+            let buffer = uniform(device, LABEL, &params);
+            let mut resources = vec![
+                (0, whole(&buffer)),
+                (1, whole(&input.cloud.surfels)),
+                (2, whole(&input.cloud.sources)),
+                (3, whole(&input.cloud.counters)),
+                (4, whole(&input.clusters.buffer)),
+                (5, binding::view(&view.receivers.view)),
+                (6, binding::view(&view.sums)),
+            ];
+            resources.extend(materials.map(|m| (7, whole(m))));
+            if let Some(statistics) = &view.statistics {
+                resources.push((8, whole(statistics)));
+            }
+            let group = binding::group(device, LABEL, &self.splat_layout, &resources);
+            dispatch(&mut pass, &self.splat, &group, params.tiles_of_all_sub_buffers());
+        }
+        drop(pass);
+        encoder.pop_debug_group();
+        Ok(())
+    }
+
+    fn check_clusters(
+        &self,
+        cloud: &SurfelCloud,
+        settings: &SplatSettings,
+        clusters: &SurfelClusters,
+    ) -> Result<(), Error> {
+        if clusters.capacity != cloud.capacity.surfels
+            || (clusters.places.len() as u32) < settings.levels
+        {
+            return Err(Error::Mismatch {
+                name: "SurfelClusters",
+                found: format!("{} surfels, {} levels", clusters.capacity, clusters.places.len()),
+                needed: format!("{} surfels, {} levels", cloud.capacity.surfels, settings.levels),
+            });
+        }
+        Ok(())
+    }
+
+    fn check_materials<'m>(&self, materials: Option<&'m Buffer>) -> Result<Option<&'m Buffer>, Error> {
+        if !self.effect.materials {
+            return Ok(None);
+        }
+        let problem = |found: String| Error::Buffer {
+            name: "materials",
+            found,
+            needed: "usage STORAGE and at least 32 bytes, since the effect reads materials".into(),
+        };
+        let buffer = materials.ok_or_else(|| problem("not been given".into()))?;
+        if !buffer.usage().contains(BufferUsages::STORAGE) || buffer.size() < 32 {
+            return Err(problem(format!("usage {:?}, {} bytes", buffer.usage(), buffer.size())));
+        }
+        Ok(Some(buffer))
+    }
+}
+
+/// The modules that a splatter is made of.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum SplatVariant {
+    Build,
+    Splat { subgroups: bool, statistics: bool },
+}
+
+/// Assembles one of them.
+pub(crate) fn source(effect: &Effect, variant: SplatVariant) -> Result<String, Error> {
+    let mut flags = effect.flags();
+    match variant {
+        SplatVariant::Build => flags.push("BUILD"),
+        SplatVariant::Splat {
+            subgroups,
+            statistics,
+        } => {
+            flags.extend(subgroups.then_some("SUBGROUP"));
+            flags.extend(statistics.then_some("STATISTICS"));
+        }
+    }
+    shader::assemble("shell_splatter", SOURCE, &flags, &[("effect", effect.source.as_ref())])
+}
+
+fn label(effect: &Effect, what: &str) -> String {
+    format!("deep-screen-space {}: {what}", effect.label)
+}
+
+fn check_levels(levels: u32) -> Result<(), Error> {
+    check_setting(
+        (1..=settings::MAX_LEVELS).contains(&levels),
+        "levels",
+        levels,
+        "1 to 8",
+    )
+}

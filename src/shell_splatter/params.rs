@@ -1,0 +1,92 @@
+//! What the GPU reads: `Params` of `wgsl/shell_splatter.wgsl`, one a level, and how clusters are laid out.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::settings::{MIN_EPSILON, SplatSettings};
+
+/// Surfels of a cluster, and clusters of a group.
+pub(crate) const CLUSTER: u32 = 16;
+pub(crate) const GROUP: u32 = 64;
+
+/// Pixels of a sub-buffer that one workgroup serves.
+pub(crate) const TILE: [u32; 2] = [32, 16];
+
+/// Stands for infinity; its square is finite in f32.
+const UNBOUNDED: f32 = 1e18;
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct SplatParams {
+    size: [u32; 2],
+    sub_size: [u32; 2],
+    tiles: [u32; 2],
+    level: u32,
+    unbounded: u32,
+    epsilon: f32,
+    world_radius: f32,
+    seed: u32,
+    clusters: u32,
+    first_cluster: u32,
+    groups: u32,
+    first_group: u32,
+    padding: u32,
+}
+
+impl SplatParams {
+    pub fn new(settings: &SplatSettings, level: u32, size: [u32; 2], place: LevelPlace) -> Self {
+        let sub_size = size.map(|n| n.div_ceil(1 << level));
+        Self {
+            size,
+            sub_size,
+            tiles: [sub_size[0].div_ceil(TILE[0]), sub_size[1].div_ceil(TILE[1])],
+            level,
+            unbounded: u32::from(settings.unbounded && level + 1 == settings.levels),
+            epsilon: settings.epsilon.clamp(MIN_EPSILON, UNBOUNDED),
+            world_radius: settings.radius.min(UNBOUNDED),
+            seed: settings.seed,
+            clusters: place.clusters,
+            first_cluster: place.first_cluster,
+            groups: place.groups,
+            first_group: place.first_group,
+            padding: 0,
+        }
+    }
+
+    /// Workgroups of the splat kernel.
+    pub fn tiles_of_all_sub_buffers(&self) -> u32 {
+        (self.tiles[0] * self.tiles[1]) << (2 * self.level)
+    }
+}
+
+/// Where a level's clusters and groups stand in the buffer: room for the cloud's capacity, sub-buffer by sub-buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct LevelPlace {
+    pub clusters: u32,
+    pub first_cluster: u32,
+    pub groups: u32,
+    pub first_group: u32,
+}
+
+/// The places of all levels, and how many clusters and groups there are in all.
+pub(crate) fn place_levels(capacity: u32, levels: u32) -> (Vec<LevelPlace>, u64) {
+    let mut next = 0_u64;
+    let mut take = |count: u64| {
+        let first = next;
+        next += count;
+        first as u32
+    };
+    let places = (0..levels)
+        .map(|level| {
+            let sub_buffers = 1_u64 << (2 * level);
+            let clusters = capacity.div_ceil(1 << (2 * level)).div_ceil(CLUSTER);
+            let groups = clusters.div_ceil(GROUP);
+            LevelPlace {
+                clusters,
+                first_cluster: take(sub_buffers * u64::from(clusters)),
+                groups,
+                first_group: take(sub_buffers * u64::from(groups)),
+            }
+        })
+        .collect();
+    (places, next)
+}

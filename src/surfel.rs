@@ -1,0 +1,212 @@
+//! The surfel cloud: what the Surfelizer writes and the splatting passes read.
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+use wgpu::{Buffer, BufferUsages, Device};
+
+use crate::{
+    error::{Error, check_setting},
+    gpu::{
+        scan::{Scan, ScanBuffer},
+        storage,
+    },
+};
+
+/// How much a cloud can hold. Memory is `32 · surfels + 52 · pieces + 4 · triangles` bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CloudCapacity {
+    /// Surfels, 1…2²³ within `Limits::default()` (16 bytes in each of two buffers). Where a recording asks for more,
+    /// an even selection of them stays, enlarged to keep the area, and [`SurfelCounts::overflow`] tells.
+    pub surfels: u32,
+    /// Triangles after large ones were split; 1…2.7 million within `Limits::default()` (48 bytes each). One a triangle
+    /// that is larger than a surfel, plus a few hundred for each that spans the view, is ample.
+    pub pieces: u32,
+    /// Triangles of all instances of all meshes, 0…2²⁵.
+    pub triangles: u32,
+}
+
+/// A surfel's disk: `surfels` of the cloud, 16 bytes each.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Surfel {
+    /// Centre, in the eye space of the camera that the cloud was recorded for (world axes, origin at its eye).
+    pub position: [f32; 3],
+    /// Radius, world units.
+    pub radius: f32,
+}
+
+/// What a surfel belongs to: `sources` of the cloud, 16 bytes each.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct SurfelSource {
+    /// Geometric normal, octahedral, two snorm16.
+    pub normal: u32,
+    /// Index of its piece.
+    pub piece: u32,
+    /// Its leaf in the piece's bisection tree: the last `order` bits are the sides taken, first split first.
+    pub leaf: u32,
+    /// Index into the caller's material table.
+    pub material: u32,
+}
+
+/// A triangle after pre-splitting: `pieces` of the cloud, 48 bytes each. Its surfels are the leaves of its
+/// longest-edge bisection.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Piece {
+    /// First corner, in the cloud's eye space.
+    pub a: [f32; 3],
+    /// Index into the caller's material table.
+    pub material: u32,
+    /// Second corner.
+    pub b: [f32; 3],
+    /// Bits 0…11: how often the piece is bisected (or the level of the 2014 grid); bit 12: smaller than a surfel;
+    /// bits 13…31: a hash that tells the pieces of one triangle apart.
+    pub shape: u32,
+    /// Third corner.
+    pub c: [f32; 3],
+    /// Its triangle, counted over all instances of all meshes.
+    pub triangle: u32,
+}
+
+/// What a recording found, as it stands in [`SurfelCloud::counters`] once the GPU has run it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct SurfelCounts {
+    /// Pieces that the settings asked for.
+    pub pieces: u32,
+    /// Surfels that the settings asked for, given the pieces that found room. Saturates at `u32::MAX`.
+    pub surfels: u32,
+    /// Triangles left out: degenerate, not finite, or with an index out of range.
+    pub rejected: u32,
+    /// Surfels in the cloud.
+    pub stored: u32,
+}
+
+impl SurfelCounts {
+    /// Surfels that found no room.
+    pub fn overflow(&self) -> u32 {
+        self.surfels - self.stored
+    }
+
+    /// Pieces that found no room in a cloud of this capacity; their surfels are not in [`SurfelCounts::surfels`].
+    pub fn piece_overflow(&self, capacity: CloudCapacity) -> u32 {
+        self.pieces.saturating_sub(capacity.pieces)
+    }
+}
+
+/// Surfels of one scene for one point of view, on the GPU. Any number of views near that point can splat it.
+#[derive(Debug)]
+pub struct SurfelCloud {
+    pub(crate) capacity: CloudCapacity,
+    pub(crate) origin: DVec3,
+    pub(crate) surfels: Buffer,
+    pub(crate) sources: Buffer,
+    pub(crate) pieces: Buffer,
+    pub(crate) counters: Buffer,
+    pub(crate) triangle_offsets: ScanBuffer,
+    pub(crate) piece_offsets: ScanBuffer,
+}
+
+impl SurfelCloud {
+    pub(crate) fn new(device: &Device, scan: &Scan, capacity: CloudCapacity) -> Result<Self, Error> {
+        check_setting(
+            (1..=1 << 23).contains(&capacity.surfels),
+            "CloudCapacity::surfels",
+            capacity.surfels,
+            "1 to 2^23",
+        )?;
+        check_setting(
+            (1..=1 << 23).contains(&capacity.pieces),
+            "CloudCapacity::pieces",
+            capacity.pieces,
+            "1 to 2^23",
+        )?;
+        check_setting(
+            capacity.triangles <= 1 << 25,
+            "CloudCapacity::triangles",
+            capacity.triangles,
+            "0 to 2^25",
+        )?;
+        let read = BufferUsages::COPY_SRC;
+        let bytes = |count: u32, size: usize| u64::from(count) * size as u64;
+        Ok(Self {
+            capacity,
+            origin: DVec3::ZERO,
+            surfels: storage(
+                device,
+                "deep-screen-space surfels",
+                bytes(capacity.surfels, size_of::<Surfel>()),
+                read,
+            )?,
+            sources: storage(
+                device,
+                "deep-screen-space surfel sources",
+                bytes(capacity.surfels, size_of::<SurfelSource>()),
+                read,
+            )?,
+            pieces: storage(
+                device,
+                "deep-screen-space pieces",
+                bytes(capacity.pieces, size_of::<Piece>()),
+                read,
+            )?,
+            counters: storage(
+                device,
+                "deep-screen-space surfel counters",
+                size_of::<SurfelCounts>() as u64,
+                read | BufferUsages::COPY_DST,
+            )?,
+            triangle_offsets: scan.buffer(
+                device,
+                "deep-screen-space piece offsets of triangles",
+                capacity.triangles,
+            )?,
+            piece_offsets: scan.buffer(
+                device,
+                "deep-screen-space surfel offsets of pieces",
+                capacity.pieces,
+            )?,
+        })
+    }
+
+    /// What it can hold.
+    pub fn capacity(&self) -> CloudCapacity {
+        self.capacity
+    }
+
+    /// The eye, in world space, that positions are relative to: that of the camera last recorded.
+    pub fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
+    /// A buffer of one [`SurfelCounts`] (usages `STORAGE | COPY_SRC`), for the caller to copy and read when it likes.
+    pub fn counters(&self) -> &Buffer {
+        &self.counters
+    }
+
+    /// A buffer of [`Surfel`]s, of which [`SurfelCounts::stored`] hold (usages `STORAGE | COPY_SRC`).
+    pub fn surfels(&self) -> &Buffer {
+        &self.surfels
+    }
+
+    /// A buffer of [`SurfelSource`]s, one a surfel (usages `STORAGE | COPY_SRC`).
+    pub fn sources(&self) -> &Buffer {
+        &self.sources
+    }
+
+    /// A buffer of [`Piece`]s (usages `STORAGE | COPY_SRC`).
+    pub fn pieces(&self) -> &Buffer {
+        &self.pieces
+    }
+
+    /// GPU memory that it owns, bytes.
+    pub fn memory_bytes(&self) -> u64 {
+        [&self.surfels, &self.sources, &self.pieces, &self.counters]
+            .iter()
+            .map(|b| b.size())
+            .sum::<u64>()
+            + self.triangle_offsets.bytes()
+            + self.piece_offsets.bytes()
+    }
+}

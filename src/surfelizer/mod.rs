@@ -1,0 +1,267 @@
+//! Triangles to surfels, in compute (Deep Screen Space 3.1; The Bounced Z-buffer 4.3; `wgsl/surfelizer.wgsl`).
+
+pub(crate) mod params;
+pub(crate) mod settings;
+
+use wgpu::{
+    BindGroup, BindingResource, Buffer, BufferBinding, CommandEncoder, ComputePipeline, Device,
+    PipelineCache, ShaderStages,
+};
+
+use self::{
+    params::{MAX_VIEWS, MeshBinding, SurfelizerParams, Window},
+    settings::SurfelizerSettings,
+};
+use crate::{
+    camera::Camera,
+    error::{Error, check_limit, check_setting},
+    geometry::Geometry,
+    gpu::{
+        Kernel, Timestamps, WORKGROUP,
+        binding::{self, READ, UNIFORM, WRITE, whole},
+        compute_pass, dispatch_rows,
+        scan::Scan,
+        shader, uniform,
+    },
+    surfel::{CloudCapacity, SurfelCloud},
+};
+
+pub(crate) const SOURCE: &str = include_str!("../../wgsl/surfelizer.wgsl");
+
+const LABEL: &str = "deep-screen-space surfelizer";
+
+/// Makes surfels of the caller's triangles: all of them, whether they are hidden, off screen, edge-on or behind the
+/// camera, at a density that follows the distance from the eye.
+///
+/// Holds pipelines only; one serves any number of clouds.
+#[derive(Debug)]
+pub struct Surfelizer {
+    cloud_layout: wgpu::BindGroupLayout,
+    mesh_layout: wgpu::BindGroupLayout,
+    surfel_layout: wgpu::BindGroupLayout,
+    count_pieces: ComputePipeline,
+    emit_pieces: ComputePipeline,
+    finish: ComputePipeline,
+    emit_surfels: ComputePipeline,
+    scan: Scan,
+}
+
+/// What one recording of the [`Surfelizer`] works on.
+#[derive(Clone, Copy, Debug)]
+pub struct SurfelizerInput<'a> {
+    /// The caller's triangles.
+    pub geometry: Geometry<'a>,
+    /// Decides the surfels' sizes; its eye becomes the cloud's origin.
+    pub camera: &'a Camera,
+    /// Up to four views by which to leave out what cannot affect any of them, given
+    /// [`SurfelizerSettings::reach`]; empty to keep all. Usually the camera itself; both eyes for stereo.
+    pub cull_by: &'a [Camera],
+    /// Where to write begin and end times, if anywhere.
+    pub timestamps: Option<Timestamps<'a>>,
+}
+
+impl Surfelizer {
+    /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] where the device was made with less than that.
+    pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
+        check_limit(
+            "max_storage_buffers_per_shader_stage",
+            u64::from(device.limits().max_storage_buffers_per_shader_stage),
+            7,
+            LABEL,
+        )?;
+        let stages = ShaderStages::COMPUTE;
+        let cloud_layout = binding::layout(
+            device,
+            LABEL,
+            stages,
+            &[(0, UNIFORM), (1, WRITE), (2, WRITE), (3, WRITE)],
+        );
+        let mesh_layout = binding::layout(
+            device,
+            LABEL,
+            stages,
+            &[(0, UNIFORM), (1, READ), (2, READ), (3, READ), (4, WRITE)],
+        );
+        let surfel_layout = binding::layout(device, LABEL, stages, &[(5, WRITE), (6, WRITE)]);
+        let module = shader::create(
+            device,
+            LABEL,
+            shader::assemble("surfelizer", SOURCE, &[], &[])?,
+        );
+        let kernel = |entry, layouts: &[&wgpu::BindGroupLayout]| {
+            Kernel {
+                label: &format!("{LABEL}: {entry}"),
+                module: &module,
+                entry,
+                layouts,
+                constants: &[],
+                cache,
+            }
+            .create(device)
+        };
+        Ok(Self {
+            count_pieces: kernel("count_pieces", &[&cloud_layout, &mesh_layout]),
+            emit_pieces: kernel("emit_pieces", &[&cloud_layout, &mesh_layout]),
+            finish: kernel("finish", &[&cloud_layout]),
+            emit_surfels: kernel("emit_surfels", &[&cloud_layout, &surfel_layout]),
+            scan: Scan::new(device, cache)?,
+            cloud_layout,
+            mesh_layout,
+            surfel_layout,
+        })
+    }
+
+    /// Room for the surfels of a scene.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for a capacity out of range, [`Error::Limit`] where the device cannot bind as much.
+    pub fn create_cloud(&self, device: &Device, capacity: CloudCapacity) -> Result<SurfelCloud, Error> {
+        SurfelCloud::new(device, &self.scan, capacity)
+    }
+
+    /// Records the making of a cloud. What the cloud held is gone once the GPU runs it.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] or [`Error::Buffer`], before anything is recorded.
+    pub fn record(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        input: &SurfelizerInput<'_>,
+        settings: &SurfelizerSettings,
+        cloud: &mut SurfelCloud,
+    ) -> Result<(), Error> {
+        settings.validate()?;
+        check_setting(
+            input.cull_by.len() <= MAX_VIEWS,
+            "SurfelizerInput::cull_by",
+            input.cull_by.len() as f64,
+            "at most 4 views",
+        )?;
+        let meshes = input.geometry.meshes;
+        for mesh in meshes {
+            mesh.validate()?;
+        }
+        check_setting(
+            input.geometry.triangles() <= cloud.capacity.triangles,
+            "CloudCapacity::triangles",
+            cloud.capacity.triangles,
+            "at least the geometry's triangles, over all instances",
+        )?;
+        let mut first_triangle = 0;
+        let mut draws = Vec::with_capacity(meshes.len());
+        for mesh in meshes {
+            let triangles = mesh.triangles() * mesh.instance_count();
+            if triangles > 0 && mesh.vertices.count > 0 {
+                let bound = MeshBinding::new(mesh, first_triangle);
+                draws.push((
+                    self.mesh_group(device, mesh, &bound, cloud)?,
+                    triangles.div_ceil(WORKGROUP),
+                ));
+            }
+            first_triangle += triangles;
+        }
+
+        let params = SurfelizerParams::new(settings, input.camera, input.cull_by, cloud.capacity);
+        let params = uniform(device, LABEL, &params);
+        let cloud_group = binding::group(
+            device,
+            LABEL,
+            &self.cloud_layout,
+            &[
+                (0, whole(&params)),
+                (1, whole(&cloud.pieces)),
+                (2, whole(&cloud.piece_offsets.values)),
+                (3, whole(&cloud.counters)),
+            ],
+        );
+        let surfel_group = binding::group(
+            device,
+            LABEL,
+            &self.surfel_layout,
+            &[(5, whole(&cloud.surfels)), (6, whole(&cloud.sources))],
+        );
+
+        cloud.origin = input.camera.eye();
+        encoder.push_debug_group(LABEL);
+        encoder.clear_buffer(&cloud.counters, 0, None);
+        encoder.clear_buffer(&cloud.triangle_offsets.values, 0, None);
+        encoder.clear_buffer(&cloud.piece_offsets.values, 0, None);
+        let mut pass = compute_pass(encoder, LABEL, input.timestamps);
+        pass.set_bind_group(0, &cloud_group, &[]);
+        let each_mesh = |pass: &mut wgpu::ComputePass<'_>, pipeline| {
+            pass.set_pipeline(pipeline);
+            for (group, groups) in &draws {
+                let [x, y, z] = dispatch_rows(*groups);
+                pass.set_bind_group(0, &cloud_group, &[]);
+                pass.set_bind_group(1, group, &[]);
+                pass.dispatch_workgroups(x, y, z);
+            }
+        };
+        each_mesh(&mut pass, &self.count_pieces);
+        self.scan.record(&mut pass, &cloud.triangle_offsets);
+        each_mesh(&mut pass, &self.emit_pieces);
+        self.scan.record(&mut pass, &cloud.piece_offsets);
+        pass.set_bind_group(0, &cloud_group, &[]);
+        pass.set_pipeline(&self.finish);
+        pass.dispatch_workgroups(1, 1, 1);
+        pass.set_pipeline(&self.emit_surfels);
+        pass.set_bind_group(1, &surfel_group, &[]);
+        let [x, y, z] = dispatch_rows(cloud.capacity.surfels.div_ceil(WORKGROUP));
+        pass.dispatch_workgroups(x, y, z);
+        drop(pass);
+        encoder.pop_debug_group();
+        Ok(())
+    }
+
+    fn mesh_group(
+        &self,
+        device: &Device,
+        mesh: &crate::geometry::Mesh<'_>,
+        bound: &MeshBinding,
+        cloud: &SurfelCloud,
+    ) -> Result<BindGroup, Error> {
+        let params = uniform(device, LABEL, &bound.params);
+        let vertices = window(mesh.vertices.buffer, bound.vertices);
+        // A layout has no optional bindings: what a mesh lacks is its vertices once more, and is never read.
+        let indices = match (mesh.indices, bound.indices) {
+            (Some(indices), Some(w)) => window(indices.buffer, w),
+            _ => vertices.clone(),
+        };
+        let instances = match (mesh.instances, bound.instances) {
+            (Some(instances), Some(w)) => window(instances.buffer, w),
+            _ => vertices.clone(),
+        };
+        let limit = device.limits().max_storage_buffer_binding_size;
+        for (size, why) in [
+            (Some(bound.vertices.size), "Mesh::vertices"),
+            (bound.indices.map(|w| w.size), "Mesh::indices"),
+            (bound.instances.map(|w| w.size), "Mesh::instances"),
+        ] {
+            check_limit("max_storage_buffer_binding_size", limit, size.unwrap_or(0), why)?;
+        }
+        Ok(binding::group(
+            device,
+            LABEL,
+            &self.mesh_layout,
+            &[
+                (0, whole(&params)),
+                (1, vertices),
+                (2, indices),
+                (3, instances),
+                (4, whole(&cloud.triangle_offsets.values)),
+            ],
+        ))
+    }
+}
+
+fn window(buffer: &Buffer, window: Window) -> BindingResource<'_> {
+    BindingResource::Buffer(BufferBinding {
+        buffer,
+        offset: window.offset,
+        size: std::num::NonZeroU64::new(window.size),
+    })
+}

@@ -1,0 +1,25 @@
+const PI: f32 = 3.14159265358979;
+const MAX_F32: f32 = 3.4028234e38;
+
+// Compares bits, since a compiler may assume that floats are finite and fold `x - x == 0` or `x == x` away.
+fn is_finite(x: f32) -> bool {
+  return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u;
+}
+
+fn is_finite3(v: vec3f) -> bool {
+  return is_finite(v.x) && is_finite(v.y) && is_finite(v.z);
+}
+
+fn max_component(v: vec3f) -> f32 {
+  return max(v.x, max(v.y, v.z));
+}
+
+// The unit vector along v, or `fallback` where v is zero, not finite, or too short to have a direction. Scaled by the
+// largest component first: squares of lengths below 1e-19 or above 1e19 leave the range of f32.
+fn normalize_or(v: vec3f, fallback: vec3f) -> vec3f {
+  let scale = max_component(abs(v));
+  if !is_finite3(v) || scale < 1e-30 {
+    return fallback;
+  }
+  return normalize(v / scale);
+}

@@ -1,0 +1,530 @@
+// ShellSplatter: sums of an effect's contributions over the surfels, per pixel and level (Deep Screen Space 3.2).
+//
+// On level l a surfel affects the pixels of one of 4^l sub-buffers that lie in a shell about it, and stands there for
+// the 4^l surfels that other sub-buffers got. Shells of successive levels double and are disjoint.
+//
+// Gathered by tile rather than blended by raster: sums stay in f32 registers, in a fixed order, with one write a pixel.
+// Surfels are in order of emission and so near their neighbours; 16 successive ones of a sub-buffer form a cluster and
+// 64 clusters a group, each with bounds, which a tile tests before it loads a surfel.
+//
+//   build_clusters  a thread a cluster
+//   build_groups    a thread a group
+//   splat           a workgroup a tile of 32x16 pixels of a sub-buffer: 8 units of 8x8, 8 threads a unit, 8 pixels a
+//                   thread. A surfel is loaded once a tile and tested against each unit's bounds.
+
+#import math
+#import packing
+#import hashing
+#import dispatch
+#import receiver
+#import surfel
+#import levels
+
+alias Counter = u32;
+
+struct Params {
+  // Of the image, and of a sub-buffer.
+  size: vec2u,
+  sub_size: vec2u,
+  // Of a sub-buffer, in tiles.
+  tiles: vec2u,
+  level: u32,
+  // 1 on the last level where it has no outer bound.
+  unbounded: u32,
+  epsilon: f32,
+  // Beyond which nothing contributes, world units.
+  world_radius: f32,
+  seed: u32,
+  // Of this level: clusters and groups that a sub-buffer has room for, and where they begin.
+  clusters: u32,
+  first_cluster: u32,
+  groups: u32,
+  first_group: u32,
+  padding: u32,
+}
+
+// Bounds of 16 surfels, or of 64 clusters.
+struct Cluster {
+  low: vec3f,
+  // The farthest that one of them reaches; negative where none does.
+  reach: f32,
+  high: vec3f,
+  // Bounds of the normals, rounded outward to multiples of 1/15: six times 5 bits.
+  normals: u32,
+}
+
+#import effect_types
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> surfels: array<vec4f>;
+@group(0) @binding(2) var<storage, read> sources: array<SurfelSource>;
+@group(0) @binding(3) var<storage, read> counters: Counters;
+#if BUILD
+@group(0) @binding(4) var<storage, read_write> clusters: array<Cluster>;
+#else
+@group(0) @binding(4) var<storage, read> clusters: array<Cluster>;
+@group(0) @binding(5) var receivers: texture_2d<u32>;
+#if COLOR
+@group(0) @binding(6) var sums: texture_storage_2d_array<rgba32float, write>;
+#else
+@group(0) @binding(6) var sums: texture_storage_2d_array<r32float, write>;
+#endif
+#endif
+#if MATERIAL
+@group(0) @binding(7) var<storage, read> materials: array<Material>;
+#endif
+#if STATISTICS
+// A row of four a level: pairs evaluated, in their shell, contributing, and unused.
+@group(0) @binding(8) var<storage, read_write> statistics: array<atomic<u32>>;
+#endif
+
+#import effect
+
+const CLUSTER: u32 = 16u;
+const GROUP: u32 = 64u;
+// Stands for infinity; its square is finite.
+const UNBOUNDED: f32 = 1e18;
+// Rounding of positions, relative to their size: what lies this little in front of a surfel is taken to lie in its
+// plane. Walls would else light and shade themselves through the last bit.
+const PLANE_TOLERANCE: f32 = 1e-6;
+
+fn sender_of(disk: vec4f, source: SurfelSource) -> Sender {
+  var sender: Sender;
+  sender.radius = disk.w;
+  sender.normal = unpack_normal(source.normal);
+#if MATERIAL
+  sender.material = materials[min(source.material, arrayLength(&materials) - 1u)];
+#endif
+  return sender;
+}
+
+// Inner and outer radius of a surfel's shell on this level.
+fn shell(sender: Sender) -> vec2f {
+  let reach = min(max_distance(sender, params.epsilon) * f32(1u << params.level), UNBOUNDED);
+  let inner = select(0.0, 0.5 * reach, params.level > 0u);
+  let outer = select(reach, UNBOUNDED, params.unbounded != 0u);
+  return vec2f(inner, min(outer, params.world_radius));
+}
+
+// How many surfels a sub-buffer has: they are dealt in turn.
+fn surfels_in(sub_buffer: u32) -> u32 {
+  let stored = counters.stored;
+  if sub_buffer >= stored {
+    return 0u;
+  }
+  return ((stored - sub_buffer - 1u) >> (2u * params.level)) + 1u;
+}
+
+fn surfel_index(sub_buffer: u32, rank: u32) -> u32 {
+  return (rank << (2u * params.level)) + sub_buffer;
+}
+
+fn pack_bounds(low: vec3f, high: vec3f) -> u32 {
+  let l = vec3u(vec3i(clamp(floor(low * 15.0), vec3f(-15.0), vec3f(15.0))) + vec3i(15));
+  let h = vec3u(vec3i(clamp(ceil(high * 15.0), vec3f(-15.0), vec3f(15.0))) + vec3i(15));
+  return l.x | (l.y << 5u) | (l.z << 10u) | (h.x << 15u) | (h.y << 20u) | (h.z << 25u);
+}
+
+fn unpack_low(bits: u32) -> vec3f {
+  return (vec3f(vec3u(bits, bits >> 5u, bits >> 10u) & vec3u(31u)) - 15.0) / 15.0;
+}
+
+fn unpack_high(bits: u32) -> vec3f {
+  return unpack_low(bits >> 15u);
+}
+
+#if BUILD
+
+fn empty_cluster() -> Cluster {
+  return Cluster(vec3f(MAX_F32), -1.0, vec3f(-MAX_F32), 0u);
+}
+
+@compute @workgroup_size(64)
+fn build_clusters(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) thread: u32) {
+  let i = linear_workgroup(workgroup) * 64u + thread;
+  let sub_buffer = i / params.clusters;
+  if sub_buffer >= (1u << (2u * params.level)) {
+    return;
+  }
+  let first = (i % params.clusters) * CLUSTER;
+  let end = min(first + CLUSTER, surfels_in(sub_buffer));
+  var cluster = empty_cluster();
+  var normal_low = vec3f(1.0);
+  var normal_high = vec3f(-1.0);
+  for (var rank = first; rank < end; rank++) {
+    let at = surfel_index(sub_buffer, rank);
+    let disk = surfels[at];
+    let sender = sender_of(disk, sources[at]);
+    let radii = shell(sender);
+    if radii.y > radii.x {
+      cluster.low = min(cluster.low, disk.xyz);
+      cluster.high = max(cluster.high, disk.xyz);
+      cluster.reach = max(cluster.reach, radii.y);
+      normal_low = min(normal_low, sender.normal);
+      normal_high = max(normal_high, sender.normal);
+    }
+  }
+  cluster.normals = pack_bounds(normal_low, normal_high);
+  clusters[params.first_cluster + i] = cluster;
+}
+
+@compute @workgroup_size(64)
+fn build_groups(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) thread: u32) {
+  let i = linear_workgroup(workgroup) * 64u + thread;
+  let sub_buffer = i / params.groups;
+  if sub_buffer >= (1u << (2u * params.level)) {
+    return;
+  }
+  let first = (i % params.groups) * GROUP;
+  let end = min(first + GROUP, params.clusters);
+  var group = empty_cluster();
+  var normal_low = vec3f(1.0);
+  var normal_high = vec3f(-1.0);
+  for (var c = first; c < end; c++) {
+    let cluster = clusters[params.first_cluster + sub_buffer * params.clusters + c];
+    if cluster.reach >= 0.0 {
+      group.low = min(group.low, cluster.low);
+      group.high = max(group.high, cluster.high);
+      group.reach = max(group.reach, cluster.reach);
+      normal_low = min(normal_low, unpack_low(cluster.normals));
+      normal_high = max(normal_high, unpack_high(cluster.normals));
+    }
+  }
+  group.normals = pack_bounds(normal_low, normal_high);
+  clusters[params.first_group + i] = group;
+}
+
+#else
+
+const PIXELS: u32 = 8u;
+const UNITS: u32 = 8u;
+const THREADS: u32 = 64u;
+const TILE: vec2u = vec2u(32u, 16u);
+
+struct Box {
+  low: vec3f,
+  high: vec3f,
+}
+
+var<workgroup> thread_boxes: array<Box, THREADS>;
+var<workgroup> unit_boxes: array<Box, UNITS>;
+// The surfels of a round: centre and radius; normal; squares of the shell's radii.
+var<workgroup> disks: array<vec4f, THREADS>;
+var<workgroup> senders: array<Sender, THREADS>;
+var<workgroup> shells: array<vec2f, THREADS>;
+// Which surfels of a round each unit needs: two words of bits a unit; the rounds take turns with two sets.
+var<workgroup> needed: array<atomic<u32>, 32>;
+// Groups and clusters that passed their test: bits, and their numbers in order. The groups have the first two words;
+// clusters take turns with two sets of two.
+var<workgroup> passed: array<atomic<u32>, 6>;
+var<workgroup> passed_groups: array<u32, THREADS>;
+var<workgroup> passed_clusters: array<u32, THREADS>;
+var<workgroup> passed_count: u32;
+
+fn empty_box() -> Box {
+  return Box(vec3f(MAX_F32), vec3f(-MAX_F32));
+}
+
+fn merged(a: Box, b: Box) -> Box {
+  return Box(min(a.low, b.low), max(a.high, b.high));
+}
+
+fn distance2_of_boxes(a: Box, b: Box) -> f32 {
+  let gap = max(max(a.low - b.high, b.low - a.high), vec3f(0.0));
+  return dot(gap, gap);
+}
+
+// Whether surfels within a cluster's bounds may affect receivers in a box.
+fn may_affect(cluster: Cluster, box: Box) -> bool {
+  if cluster.reach < 0.0 || box.low.x > box.high.x {
+    return false;
+  }
+  if distance2_of_boxes(Box(cluster.low, cluster.high), box) > cluster.reach * cluster.reach * 1.00001 {
+    return false;
+  }
+#if ONE_SIDED
+  // The largest that dot(normal, receiver - surfel) can be, by interval arithmetic.
+  let low = box.low - cluster.high;
+  let high = box.high - cluster.low;
+  let n0 = unpack_low(cluster.normals);
+  let n1 = unpack_high(cluster.normals);
+  let front = max(max(n0 * low, n0 * high), max(n1 * low, n1 * high));
+  let scale = max_component(max(abs(box.low), abs(box.high))) + max_component(max(abs(cluster.low), abs(cluster.high)));
+  return front.x + front.y + front.z > PLANE_TOLERANCE * scale;
+#else
+  return true;
+#endif
+}
+
+// The same for one surfel.
+fn surfel_may_affect(center: vec3f, normal: vec3f, reach2: f32, box: Box) -> bool {
+  if box.low.x > box.high.x {
+    return false;
+  }
+  let gap = max(max(box.low - center, center - box.high), vec3f(0.0));
+  if dot(gap, gap) > reach2 * 1.00001 {
+    return false;
+  }
+#if ONE_SIDED
+  let farthest = select(box.low, box.high, normal > vec3f(0.0));
+  let scale = max_component(max(abs(box.low), abs(box.high))) + max_component(abs(center));
+  return dot(normal, farthest - center) > PLANE_TOLERANCE * scale;
+#else
+  return true;
+#endif
+}
+
+#if STATISTICS
+var<private> in_shell: u32;
+var<private> contributing: u32;
+#endif
+
+// What a surfel adds to one pixel.
+fn pair(disk: vec4f, sender: Sender, radii2: vec2f, position: vec3f, normal: vec3f) -> Sum {
+  let to_sender = disk.xyz - position;
+  let distance2 = dot(to_sender, to_sender);
+  let inside = distance2 >= radii2.x && distance2 < radii2.y;
+  let value = contribution(sender, normal, to_sender, distance2);
+#if STATISTICS
+  in_shell += select(0u, 1u, inside);
+  contributing += select(0u, 1u, inside && any(value > Sum(0.0)));
+#endif
+  return select(Sum(0.0), value, inside);
+}
+
+// Whether this thread's bit is set in a pair of words, and how many are set before it.
+fn rank_in(words: vec2u, thread: u32) -> vec2u {
+  let word = select(words.x, words.y, thread >= 32u);
+  let before = countOneBits(word & ((1u << (thread & 31u)) - 1u)) + select(0u, countOneBits(words.x), thread >= 32u);
+  return vec2u((word >> (thread & 31u)) & 1u, before);
+}
+
+// Sets the bits of the units that need the surfel in `slot`.
+fn mark(parity: u32, slot: u32, units: u32, lane: u32) {
+  let base = parity * 16u;
+  let word = slot / 32u;
+#if SUBGROUP
+  for (var unit = 0u; unit < UNITS; unit++) {
+    let ballot = subgroupBallot(((units >> unit) & 1u) != 0u);
+    // Slots of a subgroup are successive and its first lane's is a multiple of its size.
+    if lane == 0u {
+      if ballot.x != 0u {
+        atomicOr(&needed[base + unit * 2u + word], ballot.x << (slot & 31u));
+      }
+      if ballot.y != 0u {
+        atomicOr(&needed[base + unit * 2u + 1u], ballot.y);
+      }
+    }
+  }
+#else
+  var rest = units;
+  while rest != 0u {
+    let unit = firstTrailingBit(rest);
+    rest &= rest - 1u;
+    atomicOr(&needed[base + unit * 2u + word], 1u << (slot & 31u));
+  }
+#endif
+}
+
+@compute @workgroup_size(64)
+fn splat(
+  @builtin(workgroup_id) workgroup: vec3u,
+  @builtin(local_invocation_index) thread: u32,
+#if SUBGROUP
+  @builtin(subgroup_id) subgroup: u32,
+  @builtin(subgroup_size) subgroup_size: u32,
+  @builtin(subgroup_invocation_id) lane: u32,
+#endif
+) {
+#if SUBGROUP
+  let slot = subgroup * subgroup_size + lane;
+#else
+  let slot = thread;
+  let lane = 0u;
+#endif
+  let tile_count = params.tiles.x * params.tiles.y;
+  let index = linear_workgroup(workgroup);
+  let sub_buffer = index / tile_count;
+  let tile = vec2u(index % tile_count % params.tiles.x, index % tile_count / params.tiles.x);
+  let unit = thread / 8u;
+  let block = tile * TILE + vec2u((unit % 4u) * 8u, (unit / 4u) * 8u + thread % 8u);
+
+  // This thread's row of pixels, its bounds, and those of its unit and tile.
+  var pixel: array<vec2u, PIXELS>;
+  var position: array<vec3f, PIXELS>;
+  var normal: array<vec3f, PIXELS>;
+  var valid: array<bool, PIXELS>;
+  var own = empty_box();
+  for (var i = 0u; i < PIXELS; i++) {
+    let b = block + vec2u(i, 0u);
+    let at = pixel_of(b, sub_buffer, params.level, params.seed);
+    pixel[i] = at;
+    valid[i] = sub_buffer < (1u << (2u * params.level)) && all(b < params.sub_size) && all(at < params.size);
+    // Far outside of every bounded shell, so that what follows needs no test of validity.
+    position[i] = vec3f(UNBOUNDED);
+    normal[i] = vec3f(0.0);
+    if valid[i] {
+      let texel = textureLoad(receivers, at, 0);
+      if texel.w != SKY {
+        position[i] = receiver_position(texel);
+        normal[i] = unpack_normal(texel.w);
+        own = merged(own, Box(position[i], position[i]));
+      }
+    }
+  }
+  thread_boxes[thread] = own;
+  if thread < 32u {
+    atomicStore(&needed[thread], 0u);
+  }
+  if thread < 6u {
+    atomicStore(&passed[thread], 0u);
+  }
+  workgroupBarrier();
+  if thread < UNITS {
+    var all_rows = thread_boxes[thread * 8u];
+    for (var row = 1u; row < 8u; row++) {
+      all_rows = merged(all_rows, thread_boxes[thread * 8u + row]);
+    }
+    unit_boxes[thread] = all_rows;
+  }
+  workgroupBarrier();
+  var tile_box = unit_boxes[0];
+  for (var u = 1u; u < UNITS; u++) {
+    tile_box = merged(tile_box, unit_boxes[u]);
+  }
+
+  let p0 = position[0]; let p1 = position[1]; let p2 = position[2]; let p3 = position[3];
+  let p4 = position[4]; let p5 = position[5]; let p6 = position[6]; let p7 = position[7];
+  let n0 = normal[0]; let n1 = normal[1]; let n2 = normal[2]; let n3 = normal[3];
+  let n4 = normal[4]; let n5 = normal[5]; let n6 = normal[6]; let n7 = normal[7];
+  var s0 = Sum(0.0); var s1 = Sum(0.0); var s2 = Sum(0.0); var s3 = Sum(0.0);
+  var s4 = Sum(0.0); var s5 = Sum(0.0); var s6 = Sum(0.0); var s7 = Sum(0.0);
+#if STATISTICS
+  var evaluated = 0u;
+#endif
+
+  let surfel_count = surfels_in(sub_buffer);
+  let cluster_count = (surfel_count + CLUSTER - 1u) / CLUSTER;
+  let group_count = (cluster_count + GROUP - 1u) / GROUP;
+  let first_cluster = params.first_cluster + sub_buffer * params.clusters;
+  let first_group = params.first_group + sub_buffer * params.groups;
+  var parity = 0u;
+  var turn = 2u;
+
+  for (var group_base = 0u; group_base < group_count; group_base += THREADS) {
+    if group_base + thread < group_count && may_affect(clusters[first_group + group_base + thread], tile_box) {
+      atomicOr(&passed[thread / 32u], 1u << (thread & 31u));
+    }
+    workgroupBarrier();
+    let group_bits = vec2u(atomicLoad(&passed[0]), atomicLoad(&passed[1]));
+    let group_rank = rank_in(group_bits, thread);
+    if group_rank.x != 0u {
+      passed_groups[group_rank.y] = group_base + thread;
+    }
+    if thread == 0u {
+      passed_count = countOneBits(group_bits.x) + countOneBits(group_bits.y);
+    }
+    let groups = workgroupUniformLoad(&passed_count);
+
+    for (var g = 0u; g < groups; g++) {
+      let cluster_base = passed_groups[g] * GROUP;
+      if cluster_base + thread < cluster_count && may_affect(clusters[first_cluster + cluster_base + thread], tile_box) {
+        atomicOr(&passed[turn + thread / 32u], 1u << (thread & 31u));
+      }
+      workgroupBarrier();
+      let cluster_bits = vec2u(atomicLoad(&passed[turn]), atomicLoad(&passed[turn + 1u]));
+      // All have read the other set by now, and none writes it before the barriers below.
+      turn = 6u - turn;
+      if thread < 2u {
+        atomicStore(&passed[turn + thread], 0u);
+      }
+      let cluster_rank = rank_in(cluster_bits, thread);
+      if cluster_rank.x != 0u {
+        passed_clusters[cluster_rank.y] = cluster_base + thread;
+      }
+      if thread == 0u {
+        passed_count = countOneBits(cluster_bits.x) + countOneBits(cluster_bits.y);
+      }
+      let clusters_here = workgroupUniformLoad(&passed_count);
+
+      // Rounds of four clusters: a thread a surfel.
+      for (var c = 0u; c < clusters_here; c += 4u) {
+        let mine = c + slot / CLUSTER;
+        var units = 0u;
+        if mine < clusters_here {
+          let rank = passed_clusters[mine] * CLUSTER + slot % CLUSTER;
+          if rank < surfel_count {
+            let at = surfel_index(sub_buffer, rank);
+            let disk = surfels[at];
+            let sender = sender_of(disk, sources[at]);
+            let radii = shell(sender);
+            if radii.y > radii.x {
+              let radii2 = radii * radii;
+              disks[slot] = disk;
+              senders[slot] = sender;
+              shells[slot] = radii2;
+              for (var u = 0u; u < UNITS; u++) {
+                if surfel_may_affect(disk.xyz, sender.normal, radii2.y, unit_boxes[u]) {
+                  units |= 1u << u;
+                }
+              }
+            }
+          }
+        }
+        mark(parity, slot, units, lane);
+        workgroupBarrier();
+        for (var word = 0u; word < 2u; word++) {
+          var rest = atomicLoad(&needed[parity * 16u + unit * 2u + word]);
+          while rest != 0u {
+            let k = word * 32u + firstTrailingBit(rest);
+            rest &= rest - 1u;
+            let disk = disks[k];
+            let sender = senders[k];
+            let radii2 = shells[k];
+            s0 += pair(disk, sender, radii2, p0, n0);
+            s1 += pair(disk, sender, radii2, p1, n1);
+            s2 += pair(disk, sender, radii2, p2, n2);
+            s3 += pair(disk, sender, radii2, p3, n3);
+            s4 += pair(disk, sender, radii2, p4, n4);
+            s5 += pair(disk, sender, radii2, p5, n5);
+            s6 += pair(disk, sender, radii2, p6, n6);
+            s7 += pair(disk, sender, radii2, p7, n7);
+#if STATISTICS
+            evaluated += PIXELS;
+#endif
+          }
+        }
+        if thread < 16u {
+          atomicStore(&needed[(1u - parity) * 16u + thread], 0u);
+        }
+        parity = 1u - parity;
+        workgroupBarrier();
+      }
+    }
+    workgroupBarrier();
+    if thread < 2u {
+      atomicStore(&passed[thread], 0u);
+    }
+    workgroupBarrier();
+  }
+
+  // The surfels of the other sub-buffers lie like this one's: each of its surfels stands for all of theirs.
+  let share = f32(1u << (2u * params.level));
+  let sum = array<Sum, PIXELS>(s0, s1, s2, s3, s4, s5, s6, s7);
+  for (var i = 0u; i < PIXELS; i++) {
+    if valid[i] {
+#if COLOR
+      textureStore(sums, pixel[i], params.level, vec4f(sum[i] * share, 0.0));
+#else
+      textureStore(sums, pixel[i], params.level, vec4f(sum[i] * share, 0.0, 0.0, 0.0));
+#endif
+    }
+  }
+#if STATISTICS
+  atomicAdd(&statistics[params.level * 4u], evaluated);
+  atomicAdd(&statistics[params.level * 4u + 1u], in_shell);
+  atomicAdd(&statistics[params.level * 4u + 2u], contributing);
+#endif
+}
+
+#endif

@@ -1,0 +1,631 @@
+// Surfelizer: triangles to surfels (Deep Screen Space 3.1; The Bounced Z-buffer 4.3).
+//
+//   count_pieces    a thread a triangle: how many pieces it is pre-split into
+//   (prefix sum)
+//   emit_pieces     the same walk again: writes the pieces and how many surfels each gives
+//   (prefix sum)
+//   finish          one thread: totals for the caller
+//   emit_surfels    a thread a surfel: finds its piece, walks down to its leaf, places the disk
+//
+// A surface's area is cut so that a surfel covers `radius_pixels` pixels at its Euclidean distance from the eye. Large
+// triangles are first split by longest-edge bisection until a piece is small against its distance, so that one radius
+// serves a whole piece; a piece is then bisected j times, to 2^j leaves.
+//
+// Every decision depends on a triangle and the camera alone, never on what other threads did: two runs give the same
+// cloud, and a small step of the camera changes few of its surfels.
+
+#import math
+#import packing
+#import hashing
+#import camera
+#import dispatch
+#import surfel
+
+struct Params {
+  camera: Camera,
+  // Inward planes (normal, offset) of the views to cull by, six each, in the cloud's eye space.
+  planes: array<vec4f, 24>,
+  view_count: u32,
+  triangle_count: u32,
+  piece_capacity: u32,
+  surfel_capacity: u32,
+  // Target radius in pixels.
+  radius_pixels: f32,
+  // Surfels of the target's area kept for each target area of small triangles; infinite keeps them whole.
+  density: f32,
+  // How far a surfel's effect reaches: a multiple of its radius, and a distance; the smaller one holds.
+  reach_radii: f32,
+  reach_world: f32,
+  // The eye that the cloud is relative to, as two floats a coordinate: high + low.
+  origin_high: vec3f,
+  placement: u32,
+  origin_low: vec3f,
+  padding: u32,
+}
+
+struct Mesh {
+  // In words of 4 bytes from the start of the binding.
+  vertex_offset: u32,
+  vertex_stride: u32,
+  vertex_format: u32,
+  vertex_count: u32,
+  // In indices.
+  index_offset: u32,
+  index_format: u32,
+  base_vertex: i32,
+  triangles: u32,
+  instance_offset: u32,
+  instance_stride: u32,
+  instance_format: u32,
+  instances: u32,
+  // Number of this mesh's first triangle among those of all meshes.
+  first_triangle: u32,
+  material: u32,
+  padding0: u32,
+  padding1: u32,
+}
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read_write> pieces: array<Piece>;
+@group(0) @binding(2) var<storage, read_write> piece_offsets: array<u32>;
+@group(0) @binding(3) var<storage, read_write> counters: Counters;
+
+@group(1) @binding(0) var<uniform> mesh: Mesh;
+@group(1) @binding(1) var<storage, read> vertices: array<u32>;
+@group(1) @binding(2) var<storage, read> indices: array<u32>;
+@group(1) @binding(3) var<storage, read> transforms: array<u32>;
+@group(1) @binding(4) var<storage, read_write> triangle_offsets: array<u32>;
+
+@group(1) @binding(5) var<storage, read_write> surfels: array<vec4f>;
+@group(1) @binding(6) var<storage, read_write> sources: array<SurfelSource>;
+
+alias Counter = atomic<u32>;
+
+const PLACE_CENTROID: u32 = 0u;
+const PLACE_RANDOM: u32 = 1u;
+const PLACE_GRID: u32 = 2u;
+
+// A piece's longest edge is at most this fraction of its distance from the eye, so that its leaves' projected radii
+// differ little from that of its centroid.
+const PIECE_EXTENT: f32 = 0.5;
+// A piece has at most 2^16 leaves; it is split further rather than have more.
+const MAX_ORDER: u32 = 16u;
+// Bounds of the walk: beyond them a node is taken as it is, coarser than asked for but with its area.
+const MAX_DEPTH: u32 = 60u;
+const MAX_NODES: u32 = 65536u;
+const MAX_CLAMPED_ORDER: u32 = 20u;
+// Of Piece.shape: bits 0 to 11 are the order, bit 12 says that the piece is below the target area, the rest is a hash
+// of the piece's path.
+const SHAPE_ORDER: u32 = 0xfffu;
+const SHAPE_SMALL: u32 = 0x1000u;
+const SHAPE_PATH_SHIFT: u32 = 13u;
+// a below which round(log2(a)) is negative: 1 / sqrt(2).
+const SMALL_AREA: f32 = 0.70710678;
+
+struct Triangle {
+  a: vec3f,
+  b: vec3f,
+  c: vec3f,
+}
+
+fn centroid(t: Triangle) -> vec3f {
+  return (t.a + t.b + t.c) * (1.0 / 3.0);
+}
+
+fn length2(v: vec3f) -> f32 {
+  return dot(v, v);
+}
+
+// Twice the area along the normal, divided by `scale` squared: products of edges would underflow below 1e-19.
+struct AreaVector {
+  direction: vec3f,
+  scale: f32,
+}
+
+fn area_vector(t: Triangle) -> AreaVector {
+  let e1 = t.b - t.a;
+  let e2 = t.c - t.a;
+  let scale = max(max_component(abs(e1)), max_component(abs(e2)));
+  if !(scale > 0.0) || !is_finite(scale) {
+    return AreaVector(vec3f(0.0), 0.0);
+  }
+  return AreaVector(cross(e1 / scale, e2 / scale), scale);
+}
+
+// The square root of the area: of the range of a length, where the area itself may not be.
+fn area_root(t: Triangle) -> f32 {
+  let v = area_vector(t);
+  return v.scale * sqrt(0.5 * length(v.direction));
+}
+
+// Which edge is the longest: 0 for ab, 1 for bc, 2 for ca. Near ties go to the first, so that symmetric triangles
+// split alike whatever the rounding.
+fn longest_edge(t: Triangle) -> u32 {
+  let ab = length2(t.b - t.a);
+  let bc = length2(t.c - t.b);
+  let ca = length2(t.a - t.c);
+  var longest = 0u;
+  var best = ab;
+  if bc > best * 1.001 {
+    longest = 1u;
+    best = bc;
+  }
+  if ca > best * 1.001 {
+    longest = 2u;
+  }
+  return longest;
+}
+
+// One half of a triangle cut at the middle of its longest edge; both keep the winding.
+fn bisect(t: Triangle, side: u32) -> Triangle {
+  var first: Triangle;
+  switch longest_edge(t) {
+    case 0u: {
+      first = t;
+    }
+    case 1u: {
+      first = Triangle(t.b, t.c, t.a);
+    }
+    default: {
+      first = Triangle(t.c, t.a, t.b);
+    }
+  }
+  let middle = (first.a + first.b) * 0.5;
+  if side == 0u {
+    return Triangle(first.a, middle, first.c);
+  }
+  return Triangle(middle, first.b, first.c);
+}
+
+// The radius that a surfel at p should have. Euclidean distance: the view depth of the paper explodes beside the camera.
+fn target_radius(p: vec3f) -> f32 {
+  return params.radius_pixels * footprint(params.camera, p);
+}
+
+// The area of a triangle in units of the target's, pi r*^2.
+fn relative_area(t: Triangle) -> f32 {
+  let x = area_root(t) / target_radius(centroid(t));
+  return x * x / PI;
+}
+
+// How often a piece of relative area a is bisected: round(log2(a)).
+fn bisections(a: f32) -> u32 {
+  return u32(clamp(floor(log2(a) + 0.5), 0.0, f32(MAX_CLAMPED_ORDER)));
+}
+
+// The tessellation level of Deep Screen Space 3.1 that gives a piece of relative area a at least a surfels: solved from
+// 3/4 i^2 + 3/2 i + 1 = a.
+fn grid_level(a: f32) -> u32 {
+  return u32(clamp(ceil(sqrt(max(12.0 * a - 3.0, 0.0)) / 3.0 - 1.0), 1.0, 1000.0));
+}
+
+fn surfels_of(shape: u32) -> u32 {
+  let order = shape & SHAPE_ORDER;
+  if (shape & SHAPE_SMALL) != 0u {
+    return 1u;
+  }
+  if params.placement != PLACE_GRID {
+    return 1u << order;
+  }
+  let half = (order + 1u) / 2u;
+  return select(3u * half * (half + 1u) + 1u, 3u * half * half, (order & 1u) != 0u);
+}
+
+// Whether no view can see anything within the reach of the surfels of a triangle.
+fn out_of_reach(t: Triangle) -> bool {
+  if params.view_count == 0u {
+    return false;
+  }
+  let center = centroid(t);
+  let extent = sqrt(max(length2(t.a - center), max(length2(t.b - center), length2(t.c - center))));
+  // The largest radius that a surfel of this triangle can get: rounding to a power of two gives a factor of 2^(1/4), and
+  // thinning one of density^(-1/2).
+  let farthest = params.camera.pixel
+    * select(1.0, max(length(center) + extent, params.camera.near), params.camera.perspective != 0u);
+  let radius = 1.25 * params.radius_pixels * farthest * max(1.0, inverseSqrt(params.density));
+  let reach = extent + min(params.reach_radii * radius, params.reach_world);
+  for (var view = 0u; view < params.view_count; view++) {
+    var outside = false;
+    for (var i = 0u; i < 6u; i++) {
+      let plane = params.planes[view * 6u + i];
+      outside = outside || dot(plane.xyz, center) + plane.w < -reach;
+    }
+    if !outside {
+      return false;
+    }
+  }
+  return true;
+}
+
+// What the walk does with a triangle.
+const CULL: u32 = 0u;
+const SPLIT: u32 = 1u;
+const TAKE: u32 = 2u;
+
+fn classify(t: Triangle) -> u32 {
+  if out_of_reach(t) {
+    return CULL;
+  }
+  if params.camera.perspective != 0u {
+    let edge = sqrt(max(length2(t.b - t.a), max(length2(t.c - t.b), length2(t.a - t.c))));
+    if edge > PIECE_EXTENT * max(length(centroid(t)), params.camera.near) {
+      return SPLIT;
+    }
+  }
+  return select(TAKE, SPLIT, log2(relative_area(t)) > f32(MAX_ORDER));
+}
+
+// The shape of a piece, or NO_SHAPE for a small one that thinning drops.
+const NO_SHAPE: u32 = 0xffffffffu;
+
+fn piece_shape(t: Triangle, triangle: u32, path: u32) -> u32 {
+  let a = relative_area(t);
+  let tag = path << SHAPE_PATH_SHIFT;
+  if a < SMALL_AREA {
+    // Kept with the probability that keeps the expected area, density * a; the paper prints its inverse. The golden
+    // ratio spreads the kept ones evenly along the triangles' order.
+    let draw = unit_float(triangle * 2654435769u + hash(path) * select(0u, 1u, path != 0u));
+    return select(NO_SHAPE, tag | SHAPE_SMALL, draw < params.density * a);
+  }
+  if params.placement == PLACE_GRID {
+    return tag | grid_level(a);
+  }
+  return tag | bisections(a);
+}
+
+fn word_position(word: u32) -> vec3f {
+  if mesh.vertex_format == 0u {
+    return bitcast<vec3f>(vec3u(vertices[word], vertices[word + 1u], vertices[word + 2u]));
+  }
+  let xy = unpack2x16float(vertices[word]);
+  return vec3f(xy, unpack2x16float(vertices[word + 1u]).x);
+}
+
+// The vertex that corner `i` of the draw refers to, or NO_VERTEX where it is out of range.
+const NO_VERTEX: u32 = 0xffffffffu;
+
+fn vertex_index(i: u32) -> u32 {
+  let at = mesh.index_offset + i;
+  var index = at;
+  if mesh.index_format == 1u {
+    index = (indices[at / 2u] >> (16u * (at & 1u))) & 0xffffu;
+  } else if mesh.index_format == 2u {
+    index = indices[at];
+  }
+  let vertex = i32(index) + mesh.base_vertex;
+  return select(NO_VERTEX, u32(vertex), vertex >= 0 && u32(vertex) < mesh.vertex_count);
+}
+
+struct Transform {
+  x: vec3f,
+  y: vec3f,
+  z: vec3f,
+  t: vec3f,
+}
+
+fn transform_element(base: u32, row: u32, column: u32) -> f32 {
+  // Format 1: columns of four. Format 2: rows of four.
+  let at = select(row * 4u + column, column * 4u + row, mesh.instance_format == 1u);
+  return bitcast<f32>(transforms[base + at]);
+}
+
+fn transform_column(base: u32, column: u32) -> vec3f {
+  return vec3f(
+    transform_element(base, 0u, column),
+    transform_element(base, 1u, column),
+    transform_element(base, 2u, column),
+  );
+}
+
+// The origin is subtracted before anything is added to the translation, so that nothing is rounded at the scale of a
+// scene far from the world's origin.
+fn relative_to_origin(p: vec3f) -> vec3f {
+  return (p - params.origin_high) - params.origin_low;
+}
+
+// Triangle `i` of the draw in the cloud's eye space; all zero where it is unusable.
+fn fetch(i: u32) -> Triangle {
+  let none = Triangle(vec3f(0.0), vec3f(0.0), vec3f(0.0));
+  let instance = i / mesh.triangles;
+  let corner = (i % mesh.triangles) * 3u;
+  let ia = vertex_index(corner);
+  let ib = vertex_index(corner + 1u);
+  let ic = vertex_index(corner + 2u);
+  if ia == NO_VERTEX || ib == NO_VERTEX || ic == NO_VERTEX {
+    return none;
+  }
+  var t = Triangle(
+    word_position(mesh.vertex_offset + ia * mesh.vertex_stride),
+    word_position(mesh.vertex_offset + ib * mesh.vertex_stride),
+    word_position(mesh.vertex_offset + ic * mesh.vertex_stride),
+  );
+  if mesh.instance_format == 0u {
+    t = Triangle(relative_to_origin(t.a), relative_to_origin(t.b), relative_to_origin(t.c));
+  } else {
+    let base = mesh.instance_offset + instance * mesh.instance_stride;
+    let m = mat3x3f(transform_column(base, 0u), transform_column(base, 1u), transform_column(base, 2u));
+    let shift = relative_to_origin(transform_column(base, 3u));
+    t = Triangle(m * t.a + shift, m * t.b + shift, m * t.c + shift);
+    if determinant(m) < 0.0 {
+      t = Triangle(t.a, t.c, t.b);
+    }
+  }
+  if !(is_finite3(t.a) && is_finite3(t.b) && is_finite3(t.c)) {
+    return none;
+  }
+  return t;
+}
+
+// The path from a triangle to a node of its bisection tree: bit d of it is the side taken at depth d.
+struct Path {
+  bits: vec2u,
+  depth: u32,
+}
+
+fn path_side(path: Path, depth: u32) -> u32 {
+  let word = select(path.bits.x, path.bits.y, depth >= 32u);
+  return (word >> (depth & 31u)) & 1u;
+}
+
+fn path_with(path: Path, depth: u32, side: u32) -> Path {
+  var bits = path.bits;
+  let mask = 1u << (depth & 31u);
+  let value = side << (depth & 31u);
+  if depth >= 32u {
+    bits.y = (bits.y & ~mask) | value;
+  } else {
+    bits.x = (bits.x & ~mask) | value;
+  }
+  return Path(bits, path.depth);
+}
+
+// 19 bits that tell the pieces of a triangle apart; 0 for the whole triangle.
+fn path_hash(path: Path) -> u32 {
+  if path.depth == 0u {
+    return 0u;
+  }
+  return hash2(path.bits.x, hash2(path.bits.y, path.depth)) >> SHAPE_PATH_SHIFT;
+}
+
+// Room in an array of `capacity` for item `index` of `total`: all of them where they fit, an even selection where they
+// do not. NO_ROOM for those left out.
+const NO_ROOM: u32 = 0xffffffffu;
+
+// floor(capacity * 2^32 / total) for capacity < total, by long division.
+fn keep_ratio(total: u32, capacity: u32) -> u32 {
+  var remainder = capacity;
+  var ratio = 0u;
+  for (var i = 0u; i < 32u; i++) {
+    let carry = remainder >> 31u;
+    remainder <<= 1u;
+    ratio <<= 1u;
+    if carry != 0u || remainder >= total {
+      remainder -= total;
+      ratio |= 1u;
+    }
+  }
+  return ratio;
+}
+
+fn room_for(index: u32, total: u32, capacity: u32) -> u32 {
+  if total <= capacity {
+    return index;
+  }
+  let ratio = keep_ratio(total, capacity);
+  let room = multiply_high(index, ratio);
+  let taken = index > 0u && multiply_high(index - 1u, ratio) == room;
+  return select(room, NO_ROOM, taken);
+}
+
+// The inverse: the item that has a given room.
+fn item_of(room: u32, total: u32, capacity: u32) -> u32 {
+  if total <= capacity {
+    return room;
+  }
+  let ratio = keep_ratio(total, capacity);
+  var low = 0u;
+  var high = total - 1u;
+  while low < high {
+    let middle = low + (high - low) / 2u;
+    if multiply_high(middle, ratio) >= room {
+      high = middle;
+    } else {
+      low = middle + 1u;
+    }
+  }
+  return low;
+}
+
+// Walks the bisection tree of a triangle from left to right. With `first_piece` the pieces are written from there on.
+fn walk(root: Triangle, triangle: u32, write: bool, first_piece: u32) -> u32 {
+  var path = Path(vec2u(0u), 0u);
+  var node = root;
+  var visited = 0u;
+  var count = 0u;
+  var total = 0u;
+  if write {
+    total = triangle_offsets[params.triangle_count];
+  }
+  loop {
+    visited++;
+    let verdict = classify(node);
+    if verdict == SPLIT && path.depth < MAX_DEPTH && visited < MAX_NODES {
+      path = path_with(path, path.depth, 0u);
+      path.depth++;
+      node = bisect(node, 0u);
+      continue;
+    }
+    if verdict != CULL {
+      let shape = piece_shape(node, triangle, path_hash(path));
+      if shape != NO_SHAPE {
+        if write {
+          let room = room_for(first_piece + count, total, params.piece_capacity);
+          if room != NO_ROOM {
+            pieces[room] = Piece(node.a, mesh.material, node.b, shape, node.c, triangle);
+            piece_offsets[room] = surfels_of(shape);
+          }
+        }
+        count++;
+      }
+    }
+    // On to the next node to the right: up past the second halves, over to the second half of the first that is open.
+    while path.depth > 0u && path_side(path, path.depth - 1u) == 1u {
+      path.depth--;
+    }
+    if path.depth == 0u {
+      break;
+    }
+    path = path_with(path, path.depth - 1u, 1u);
+    node = root;
+    for (var depth = 0u; depth < path.depth; depth++) {
+      node = bisect(node, path_side(path, depth));
+    }
+  }
+  return count;
+}
+
+@compute @workgroup_size(64)
+fn count_pieces(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) thread: u32) {
+  let i = linear_workgroup(workgroup) * 64u + thread;
+  if i >= mesh.triangles * mesh.instances {
+    return;
+  }
+  let root = fetch(i);
+  var count = 0u;
+  if area_root(root) > 0.0 {
+    count = walk(root, mesh.first_triangle + i, false, 0u);
+  } else {
+    atomicAdd(&counters.rejected, 1u);
+  }
+  triangle_offsets[mesh.first_triangle + i] = count;
+}
+
+@compute @workgroup_size(64)
+fn emit_pieces(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) thread: u32) {
+  let i = linear_workgroup(workgroup) * 64u + thread;
+  if i >= mesh.triangles * mesh.instances {
+    return;
+  }
+  let triangle = mesh.first_triangle + i;
+  let first = triangle_offsets[triangle];
+  if triangle_offsets[triangle + 1u] == first {
+    return;
+  }
+  if first == 0u {
+    // One triangle has the first piece: it leaves the total for the next stages.
+    counters.pieces = triangle_offsets[params.triangle_count];
+  }
+  walk(fetch(i), triangle, true, first);
+}
+
+@compute @workgroup_size(1)
+fn finish() {
+  let total = piece_offsets[params.piece_capacity];
+  counters.surfels = total;
+  counters.stored = min(total, params.surfel_capacity);
+}
+
+// A point of a piece's bisection tree of depth `order`: bit d of `leaf` is the side taken at depth d.
+fn leaf_of(piece: Triangle, leaf: u32, order: u32) -> Triangle {
+  var node = piece;
+  for (var depth = 0u; depth < order; depth++) {
+    node = bisect(node, (leaf >> (order - 1u - depth)) & 1u);
+  }
+  return node;
+}
+
+// Uniform over a triangle (Turk 1990).
+fn random_point(t: Triangle, key: u32) -> vec3f {
+  let u = sqrt(unit_float(hash(key)));
+  let v = unit_float(hash(key ^ 0x5bd1e995u));
+  return t.a * (1.0 - u) + t.b * (u * (1.0 - v)) + t.c * (u * v);
+}
+
+// Vertex k of the pattern of Deep Screen Space 3.1: concentric triangles with `level`, level - 2, ... segments a side.
+fn grid_point(t: Triangle, k: u32, level: u32) -> vec3f {
+  let center = centroid(t);
+  var ring = level;
+  var at = k;
+  while ring > 0u && at >= 3u * ring {
+    at -= 3u * ring;
+    ring = select(0u, ring - 2u, ring >= 2u);
+  }
+  if ring == 0u {
+    return center;
+  }
+  let along = f32(at % ring) / f32(ring);
+  var p = mix(t.a, t.b, along);
+  if at / ring == 1u {
+    p = mix(t.b, t.c, along);
+  } else if at / ring == 2u {
+    p = mix(t.c, t.a, along);
+  }
+  return mix(center, p, f32(ring) / f32(level));
+}
+
+// Moves a corner towards the centre by r, but not beyond it.
+fn inset(corner: vec3f, center: vec3f, r: f32) -> vec3f {
+  let d = center - corner;
+  let l = length(d);
+  return corner + d * min(1.0, r / max(l, 1e-30));
+}
+
+fn place(t: Triangle, normal: vec3f, shape: u32, leaf: u32, key: u32, radius: f32) -> vec3f {
+  if (shape & SHAPE_SMALL) != 0u {
+    return centroid(t);
+  }
+  let order = shape & SHAPE_ORDER;
+  if params.placement == PLACE_CENTROID {
+    return centroid(leaf_of(t, leaf, order));
+  }
+  if params.placement == PLACE_RANDOM {
+    return random_point(t, key);
+  }
+  let center = centroid(t);
+  let inner = Triangle(inset(t.a, center, radius), inset(t.b, center, radius), inset(t.c, center, radius));
+  // Jittered within the triangle's plane, uniformly over a disk of the surfel's radius.
+  let tangent = normalize_or(t.b - t.a, vec3f(1.0, 0.0, 0.0));
+  let bitangent = cross(normal, tangent);
+  let distance = radius * sqrt(unit_float(hash(key)));
+  let angle = 2.0 * PI * unit_float(hash(key ^ 0x5bd1e995u));
+  return grid_point(inner, leaf, order) + distance * (cos(angle) * tangent + sin(angle) * bitangent);
+}
+
+@compute @workgroup_size(64)
+fn emit_surfels(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) thread: u32) {
+  let i = linear_workgroup(workgroup) * 64u + thread;
+  if i >= counters.stored {
+    return;
+  }
+  let total = counters.surfels;
+  let item = item_of(i, total, params.surfel_capacity);
+  // The last piece whose first surfel is not beyond this one.
+  var low = 0u;
+  var high = min(counters.pieces, params.piece_capacity) - 1u;
+  while low < high {
+    let middle = low + (high - low + 1u) / 2u;
+    if piece_offsets[middle] <= item {
+      low = middle;
+    } else {
+      high = middle - 1u;
+    }
+  }
+  let piece = pieces[low];
+  let leaf = item - piece_offsets[low];
+  let t = Triangle(piece.a, piece.b, piece.c);
+  let normal = normalize_or(area_vector(t).direction, vec3f(0.0, 0.0, 1.0));
+
+  var radius = area_root(t) * inverseSqrt(PI * f32(surfels_of(piece.shape)));
+  if (piece.shape & SHAPE_SMALL) != 0u {
+    let r = target_radius(centroid(t));
+    // Thinned to `density` disks each target area, or whole where it has more than that.
+    radius = max(radius, r * inverseSqrt(params.density));
+  }
+  // What overflow dropped is made up for in area by those that stay.
+  radius *= sqrt(max(1.0, f32(total) / f32(params.surfel_capacity)))
+    * sqrt(max(1.0, f32(counters.pieces) / f32(params.piece_capacity)));
+
+  let key = hash2(hash2(piece.triangle, piece.shape >> SHAPE_PATH_SHIFT), leaf);
+  surfels[i] = vec4f(place(t, normal, piece.shape, leaf, key, radius), radius);
+  sources[i] = SurfelSource(pack_normal(normal), low, leaf, piece.material);
+}
