@@ -99,7 +99,7 @@ pub struct Mesh<'a> {
     /// Where its transforms are; `None` is one instance, already in world space.
     pub instances: Option<Instances<'a>>,
     /// Index into the material table, for effects that ask for
-    /// [`EffectInputs::MATERIAL`](crate::EffectInputs::MATERIAL).
+    /// [`Effect::materials`](crate::Effect::materials).
     pub material: u32,
 }
 

@@ -17,6 +17,7 @@ mod reconstructor;
 pub mod reference;
 #[cfg(feature = "scenes")]
 pub mod scenes;
+mod shaders;
 mod shell_splatter;
 mod surfel;
 mod surfelizer;
@@ -34,6 +35,7 @@ pub use gpu::Timestamps;
 pub use reconstructor::{
     Reconstructor, ReconstructorInput, ReconstructorView, settings::ReconstructorSettings,
 };
+pub use shaders::{Shader, shaders};
 pub use shell_splatter::{
     ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatView, SurfelClusters,
     settings::SplatSettings,

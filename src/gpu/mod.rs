@@ -2,7 +2,7 @@
 
 pub(crate) mod binding;
 pub(crate) mod scan;
-pub mod shader;
+pub(crate) mod shader;
 
 use bytemuck::Pod;
 use wgpu::{

@@ -23,17 +23,6 @@ const COMMON: &[(&str, &str)] = &[
     ),
 ];
 
-/// One WGSL module as it goes to the device.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Variant {
-    /// Basename of its file in `wgsl/` and the flags that it was assembled with.
-    pub name: String,
-    /// The text.
-    pub source: String,
-    /// What the device must offer for it.
-    pub features: wgpu::Features,
-}
-
 /// Assembles a module. `snippets` are further imports, such as an effect's own code.
 pub(crate) fn assemble(
     name: &str,

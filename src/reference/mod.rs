@@ -1,5 +1,10 @@
 //! CPU references (feature `reference`): a mirror in f64 of each pass, which reads line by line like its shader, and the
 //! ray-traced truth.
 
+pub mod effects;
 pub mod gbuffer;
+pub mod receivers;
+pub mod reconstructor;
+pub mod shell_splatter;
+pub mod surfelizer;
 pub mod trace;

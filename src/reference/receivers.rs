@@ -1,0 +1,1 @@
+//! Mirror of `wgsl/receivers.wgsl`.

@@ -1,0 +1,80 @@
+//! Every WGSL module of the crate as it goes to the device.
+
+use crate::{
+    effect::Effect,
+    error::Error,
+    gpu::{scan, shader::assemble},
+    receivers,
+    reconstructor::{self, ReconstructorVariant},
+    shell_splatter::{self, SplatVariant},
+    surfelizer,
+};
+
+/// One module.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Shader {
+    /// The file in `wgsl/` that it is assembled from, then the variant.
+    pub name: String,
+    /// The text.
+    pub source: String,
+    /// What the device must offer for it.
+    pub features: wgpu::Features,
+}
+
+/// Every module that the passes make for an effect: for validating an effect of one's own without a GPU, or in a
+/// browser's compiler.
+///
+/// # Errors
+/// [`Error::Effect`] where its source has a malformed directive.
+pub fn shaders(effect: &Effect) -> Result<Vec<Shader>, Error> {
+    let none = wgpu::Features::empty();
+    let shader = |name: &str, source: String, features| Shader {
+        name: name.into(),
+        source,
+        features,
+    };
+    let mut all = vec![
+        shader("scan", assemble("scan", scan::SOURCE, &[], &[])?, none),
+        shader(
+            "surfelizer",
+            assemble("surfelizer", surfelizer::SOURCE, &[], &[])?,
+            none,
+        ),
+        shader(
+            "receivers",
+            assemble("receivers", receivers::SOURCE, &[], &[])?,
+            none,
+        ),
+        shader(
+            "shell_splatter build",
+            shell_splatter::source(effect, SplatVariant::Build)?,
+            none,
+        ),
+        shader(
+            "reconstructor rows",
+            reconstructor::source(effect, ReconstructorVariant::Rows)?,
+            none,
+        ),
+    ];
+    for subgroups in [false, true] {
+        for statistics in [false, true] {
+            let variant = SplatVariant::Splat {
+                subgroups,
+                statistics,
+            };
+            let name = format!(
+                "shell_splatter splat{}{}",
+                if subgroups { " subgroups" } else { "" },
+                if statistics { " statistics" } else { "" }
+            );
+            let features = if subgroups { wgpu::Features::SUBGROUP } else { none };
+            all.push(shader(&name, shell_splatter::source(effect, variant)?, features));
+        }
+    }
+    for blurred in [false, true] {
+        let name = if blurred { "reconstructor columns blurred" } else { "reconstructor columns" };
+        let source = reconstructor::source(effect, ReconstructorVariant::Columns { blurred })?;
+        all.push(shader(name, source, none));
+    }
+    Ok(all)
+}
