@@ -46,7 +46,7 @@ pub struct GBuffer<'a> {
     /// The axes of the normals.
     pub normal_space: NormalSpace,
     /// Diffuse albedo (linear, 0…1), for effects that ask for it with
-    /// [`Effect::albedo`](crate::EffectInputs::ALBEDO). Any float or unorm format, usage `TEXTURE_BINDING`.
+    /// [`Effect::albedo`](crate::Effect::albedo). Any float or unorm format, usage `TEXTURE_BINDING`.
     pub albedo: Option<&'a TextureView>,
 }
 
