@@ -3,6 +3,8 @@
 
 pub mod effects;
 pub mod gbuffer;
+pub mod hashing;
+pub mod packing;
 pub mod receivers;
 pub mod reconstructor;
 pub mod shell_splatter;
