@@ -1,5 +1,5 @@
 //! A colonnade 36 m long and 5.5 m high: thirteen fluted columns under arches, a thin railing
-//! between them, and a floor, a back wall and a roof. About 50 000 triangles.
+//! between them, and a floor, a back wall and a roof. About 54 000 triangles.
 //!
 //! It tests curved surfaces whose shading and geometric normals differ, occluders from 2 cm
 //! (railing) to 36 m (roof), thin parts in front of far ones, and a walk that is dark because of a

@@ -1,5 +1,5 @@
 //! Coloured dominoes half a metre tall, standing along a spiral and two waves on a floor of 13 m
-//! by 13 m; the first of the spiral topples. About 300 boxes, 3 000 triangles.
+//! by 13 m; the first of the spiral topples. About 280 boxes, 3 100 triangles.
 //!
 //! It tests occlusion between close parallel faces that hide each other, colour bleeding from
 //! faces turned away from the camera, and a contact line under a leaning box.

@@ -12,7 +12,7 @@ pub(crate) const GROUP: u32 = 64;
 pub(crate) const TILE: [u32; 2] = [32, 16];
 
 /// Stands for infinity; its square is finite in f32.
-const UNBOUNDED: f32 = 1e18;
+pub(crate) const UNBOUNDED: f32 = 1e18;
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
