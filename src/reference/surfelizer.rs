@@ -1,1 +1,524 @@
-//! Mirror of `wgsl/surfelizer.wgsl`.
+//! Mirror of `wgsl/surfelizer.wgsl`: lengths in f64, hashes and counts in the shader's own integers.
+//!
+//! The shader walks each triangle twice, to count its pieces and to write them; here they go to a list that grows. What
+//! the shader leaves to f32 rounding may fall the other way here: the longest of two nearly equal edges, whether to
+//! split, and how often to bisect.
+
+use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
+
+use glam::{DVec3, DVec4};
+
+use super::{
+    hashing::{hash, hash2, multiply_high, unit_float},
+    packing::pack_normal,
+};
+use crate::{
+    camera::{Camera, Footprint},
+    surfel::{CloudCapacity, SurfelCounts},
+    surfelizer::settings::{Placement, Reach, SurfelizerSettings},
+};
+
+const PIECE_EXTENT: f64 = 0.5;
+const MAX_ORDER: u32 = 16;
+const MAX_DEPTH: u32 = 60;
+const MAX_NODES: u32 = 65536;
+const MAX_CLAMPED_ORDER: u32 = 20;
+const SHAPE_ORDER: u32 = 0xfff;
+const SHAPE_SMALL: u32 = 0x1000;
+const SHAPE_PATH_SHIFT: u32 = 13;
+const SMALL_AREA: f64 = FRAC_1_SQRT_2;
+
+/// Three corners in eye space.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Triangle {
+    /// First corner.
+    pub a: DVec3,
+    /// Second corner.
+    pub b: DVec3,
+    /// Third corner.
+    pub c: DVec3,
+}
+
+/// [`crate::Piece`] in f64.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Piece {
+    /// Its corners, in the cloud's eye space.
+    pub corners: Triangle,
+    /// Index into the material table.
+    pub material: u32,
+    /// As [`crate::Piece::shape`].
+    pub shape: u32,
+    /// Index of its triangle.
+    pub triangle: u32,
+}
+
+/// [`crate::Surfel`] and [`crate::SurfelSource`] in f64.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Surfel {
+    /// Centre, in the cloud's eye space.
+    pub position: DVec3,
+    /// Radius, world units.
+    pub radius: f64,
+    /// Geometric normal, packed.
+    pub normal: u32,
+    /// Index of its piece.
+    pub piece: u32,
+    /// Its leaf in the piece's bisection tree.
+    pub leaf: u32,
+    /// Index into the material table.
+    pub material: u32,
+}
+
+/// [`crate::SurfelCloud`] in f64.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Cloud {
+    /// As many as found room.
+    pub pieces: Vec<Piece>,
+    /// As many as found room.
+    pub surfels: Vec<Surfel>,
+    /// The counters.
+    pub counts: SurfelCounts,
+}
+
+fn centroid(t: Triangle) -> DVec3 {
+    (t.a + t.b + t.c) / 3.0
+}
+
+/// Twice the area along the normal, divided by `scale` squared.
+struct AreaVector {
+    direction: DVec3,
+    scale: f64,
+}
+
+fn area_vector(t: Triangle) -> AreaVector {
+    let e1 = t.b - t.a;
+    let e2 = t.c - t.a;
+    let scale = e1.abs().max_element().max(e2.abs().max_element());
+    // The shader's range is that of f32.
+    if scale.is_nan() || scale <= 0.0 || scale > f64::from(f32::MAX) {
+        return AreaVector {
+            direction: DVec3::ZERO,
+            scale: 0.0,
+        };
+    }
+    AreaVector {
+        direction: (e1 / scale).cross(e2 / scale),
+        scale,
+    }
+}
+
+/// The square root of the area.
+pub fn area_root(t: Triangle) -> f64 {
+    let v = area_vector(t);
+    v.scale * (0.5 * v.direction.length()).sqrt()
+}
+
+fn longest_edge(t: Triangle) -> u32 {
+    let ab = t.b.distance_squared(t.a);
+    let bc = t.c.distance_squared(t.b);
+    let ca = t.a.distance_squared(t.c);
+    let mut longest = 0;
+    let mut best = ab;
+    if bc > best * 1.001 {
+        longest = 1;
+        best = bc;
+    }
+    if ca > best * 1.001 {
+        longest = 2;
+    }
+    longest
+}
+
+/// One half of a triangle cut at the middle of its longest edge.
+pub fn bisect(t: Triangle, side: u32) -> Triangle {
+    let [a, b, c] = match longest_edge(t) {
+        0 => [t.a, t.b, t.c],
+        1 => [t.b, t.c, t.a],
+        _ => [t.c, t.a, t.b],
+    };
+    let middle = (a + b) * 0.5;
+    if side == 0 {
+        Triangle { a, b: middle, c }
+    } else {
+        Triangle { a: middle, b, c }
+    }
+}
+
+/// What the walk does with a triangle.
+#[derive(PartialEq)]
+enum Verdict {
+    Cull,
+    Split,
+    Take,
+}
+
+/// `Params` of the shader.
+struct Params {
+    footprint: Footprint,
+    /// Six planes a view.
+    views: Vec<[DVec4; 6]>,
+    radius_pixels: f64,
+    density: f64,
+    reach: Reach,
+    placement: Placement,
+}
+
+impl Params {
+    fn target_radius(&self, p: DVec3) -> f64 {
+        self.radius_pixels * self.footprint.at(p)
+    }
+
+    fn relative_area(&self, t: Triangle) -> f64 {
+        let x = area_root(t) / self.target_radius(centroid(t));
+        x * x / PI
+    }
+
+    fn surfels_of(&self, shape: u32) -> u32 {
+        let order = shape & SHAPE_ORDER;
+        if shape & SHAPE_SMALL != 0 {
+            return 1;
+        }
+        if self.placement != Placement::Grid {
+            return 1 << order;
+        }
+        let half = order.div_ceil(2);
+        if order & 1 == 0 {
+            3 * half * (half + 1) + 1
+        } else {
+            3 * half * half
+        }
+    }
+
+    fn out_of_reach(&self, t: Triangle) -> bool {
+        if self.views.is_empty() {
+            return false;
+        }
+        let center = centroid(t);
+        let extent = [t.a, t.b, t.c]
+            .map(|corner| corner.distance(center))
+            .into_iter()
+            .fold(0.0, f64::max);
+        let farthest = self.footprint.pixel
+            * if self.footprint.perspective {
+                (center.length() + extent).max(self.footprint.near)
+            } else {
+                1.0
+            };
+        let radius = 1.25 * self.radius_pixels * farthest * (1.0 / self.density.sqrt()).max(1.0);
+        let reach =
+            extent + (f64::from(self.reach.radii) * radius).min(f64::from(self.reach.world));
+        self.views.iter().all(|planes| {
+            planes
+                .iter()
+                .any(|plane| plane.truncate().dot(center) + plane.w < -reach)
+        })
+    }
+
+    fn classify(&self, t: Triangle) -> Verdict {
+        if self.out_of_reach(t) {
+            return Verdict::Cull;
+        }
+        if self.footprint.perspective {
+            let edge = t.a.distance(t.b).max(t.b.distance(t.c)).max(t.c.distance(t.a));
+            if edge > PIECE_EXTENT * centroid(t).length().max(self.footprint.near) {
+                return Verdict::Split;
+            }
+        }
+        if self.relative_area(t).log2() > f64::from(MAX_ORDER) {
+            Verdict::Split
+        } else {
+            Verdict::Take
+        }
+    }
+
+    fn piece_shape(&self, t: Triangle, triangle: u32, path: u32) -> Option<u32> {
+        let a = self.relative_area(t);
+        let tag = path << SHAPE_PATH_SHIFT;
+        if a < SMALL_AREA {
+            let salt = if path == 0 { 0 } else { hash(path) };
+            let draw = unit_float(triangle.wrapping_mul(2_654_435_769).wrapping_add(salt));
+            return (draw < self.density * a).then_some(tag | SHAPE_SMALL);
+        }
+        if self.placement == Placement::Grid {
+            return Some(tag | grid_level(a));
+        }
+        Some(tag | bisections(a))
+    }
+
+    fn walk(&self, root: Triangle, triangle: u32, mut take: impl FnMut(Triangle, u32)) {
+        let mut path = Path::default();
+        let mut node = root;
+        let mut visited = 0;
+        loop {
+            visited += 1;
+            let verdict = self.classify(node);
+            if verdict == Verdict::Split && path.depth < MAX_DEPTH && visited < MAX_NODES {
+                path.set(path.depth, 0);
+                path.depth += 1;
+                node = bisect(node, 0);
+                continue;
+            }
+            if verdict != Verdict::Cull
+                && let Some(shape) = self.piece_shape(node, triangle, path.hash())
+            {
+                take(node, shape);
+            }
+            while path.depth > 0 && path.side(path.depth - 1) == 1 {
+                path.depth -= 1;
+            }
+            if path.depth == 0 {
+                break;
+            }
+            path.set(path.depth - 1, 1);
+            node = (0..path.depth).fold(root, |node, depth| bisect(node, path.side(depth)));
+        }
+    }
+
+    fn place(&self, t: Triangle, normal: DVec3, shape: u32, leaf: u32, key: u32, radius: f64) -> DVec3 {
+        if shape & SHAPE_SMALL != 0 {
+            return centroid(t);
+        }
+        let order = shape & SHAPE_ORDER;
+        match self.placement {
+            Placement::Centroid => centroid(leaf_of(t, leaf, order)),
+            Placement::Random => random_point(t, key),
+            Placement::Grid => {
+                let center = centroid(t);
+                let inner = Triangle {
+                    a: inset(t.a, center, radius),
+                    b: inset(t.b, center, radius),
+                    c: inset(t.c, center, radius),
+                };
+                let tangent = (t.b - t.a).normalize_or(DVec3::X);
+                let bitangent = normal.cross(tangent);
+                let distance = radius * unit_float(hash(key)).sqrt();
+                let angle = TAU * unit_float(hash(key ^ 0x5bd1_e995));
+                grid_point(inner, leaf, order)
+                    + distance * (angle.cos() * tangent + angle.sin() * bitangent)
+            }
+        }
+    }
+}
+
+fn bisections(a: f64) -> u32 {
+    (a.log2() + 0.5).floor().clamp(0.0, f64::from(MAX_CLAMPED_ORDER)) as u32
+}
+
+fn grid_level(a: f64) -> u32 {
+    ((12.0 * a - 3.0).max(0.0).sqrt() / 3.0 - 1.0).ceil().clamp(1.0, 1000.0) as u32
+}
+
+fn fetch(corners: [DVec3; 3], origin: DVec3) -> Triangle {
+    let [a, b, c] = corners.map(|p| p - origin);
+    if a.is_finite() && b.is_finite() && c.is_finite() {
+        Triangle { a, b, c }
+    } else {
+        Triangle::default()
+    }
+}
+
+/// The path from a triangle to a node of its bisection tree: bit d of it is the side taken at depth d.
+#[derive(Default)]
+struct Path {
+    bits: [u32; 2],
+    depth: u32,
+}
+
+impl Path {
+    fn side(&self, depth: u32) -> u32 {
+        (self.bits[(depth / 32) as usize] >> (depth & 31)) & 1
+    }
+
+    fn set(&mut self, depth: u32, side: u32) {
+        let word = &mut self.bits[(depth / 32) as usize];
+        let mask = 1 << (depth & 31);
+        *word = (*word & !mask) | (side << (depth & 31));
+    }
+
+    fn hash(&self) -> u32 {
+        if self.depth == 0 {
+            return 0;
+        }
+        hash2(self.bits[0], hash2(self.bits[1], self.depth)) >> SHAPE_PATH_SHIFT
+    }
+}
+
+/// floor(capacity · 2³² / total) for capacity < total. The shader divides bit by bit.
+fn keep_ratio(total: u32, capacity: u32) -> u32 {
+    ((u64::from(capacity) << 32) / u64::from(total)) as u32
+}
+
+/// Room in an array of `capacity` for item `index` of `total`; `None` for those left out.
+pub fn room_for(index: u32, total: u32, capacity: u32) -> Option<u32> {
+    if total <= capacity {
+        return Some(index);
+    }
+    let ratio = keep_ratio(total, capacity);
+    let room = multiply_high(index, ratio);
+    let taken = index > 0 && multiply_high(index - 1, ratio) == room;
+    (!taken).then_some(room)
+}
+
+/// The inverse: the item that has a given room.
+pub fn item_of(room: u32, total: u32, capacity: u32) -> u32 {
+    if total <= capacity {
+        return room;
+    }
+    let ratio = keep_ratio(total, capacity);
+    let mut low = 0;
+    let mut high = total - 1;
+    while low < high {
+        let middle = low + (high - low) / 2;
+        if multiply_high(middle, ratio) >= room {
+            high = middle;
+        } else {
+            low = middle + 1;
+        }
+    }
+    low
+}
+
+/// A leaf of a piece's bisection tree of depth `order`.
+pub fn leaf_of(piece: Triangle, leaf: u32, order: u32) -> Triangle {
+    (0..order).fold(piece, |node, depth| {
+        bisect(node, (leaf >> (order - 1 - depth)) & 1)
+    })
+}
+
+fn random_point(t: Triangle, key: u32) -> DVec3 {
+    let u = unit_float(hash(key)).sqrt();
+    let v = unit_float(hash(key ^ 0x5bd1_e995));
+    t.a * (1.0 - u) + t.b * (u * (1.0 - v)) + t.c * (u * v)
+}
+
+/// Vertex k of the pattern of Deep Screen Space 3.1: concentric triangles with `level`, `level` − 2, … segments a side.
+pub fn grid_point(t: Triangle, k: u32, level: u32) -> DVec3 {
+    let center = centroid(t);
+    let mut ring = level;
+    let mut at = k;
+    while ring > 0 && at >= 3 * ring {
+        at -= 3 * ring;
+        ring = ring.saturating_sub(2);
+    }
+    if ring == 0 {
+        return center;
+    }
+    let along = f64::from(at % ring) / f64::from(ring);
+    let p = match at / ring {
+        0 => t.a.lerp(t.b, along),
+        1 => t.b.lerp(t.c, along),
+        _ => t.c.lerp(t.a, along),
+    };
+    center.lerp(p, f64::from(ring) / f64::from(level))
+}
+
+fn inset(corner: DVec3, center: DVec3, r: f64) -> DVec3 {
+    let d = center - corner;
+    corner + d * (r / d.length().max(1e-30)).min(1.0)
+}
+
+/// The cloud that the [`Surfelizer`](crate::Surfelizer) makes of world-space triangles, given their materials one by
+/// one. The triangles wind as they are to be seen: a mirroring transform has been undone.
+pub fn surfelize(
+    settings: &SurfelizerSettings,
+    camera: &Camera,
+    cull_by: &[Camera],
+    capacity: CloudCapacity,
+    triangles: &[[DVec3; 3]],
+    materials: &[u32],
+) -> Cloud {
+    let origin = camera.eye();
+    let params = Params {
+        footprint: camera.footprint(),
+        views: cull_by.iter().map(|view| view.frustum(origin)).collect(),
+        radius_pixels: f64::from(settings.radius_pixels),
+        density: f64::from(settings.density),
+        reach: settings.reach,
+        placement: settings.placement,
+    };
+
+    // count_pieces
+    let mut counts = SurfelCounts::default();
+    let mut found = Vec::new();
+    for (triangle, (&corners, &material)) in triangles.iter().zip(materials).enumerate() {
+        let root = fetch(corners, origin);
+        if area_root(root) > 0.0 {
+            let triangle = triangle as u32;
+            params.walk(root, triangle, |corners, shape| {
+                found.push(Piece {
+                    corners,
+                    material,
+                    shape,
+                    triangle,
+                });
+            });
+        } else {
+            counts.rejected += 1;
+        }
+    }
+    counts.pieces = found.len() as u32;
+
+    // emit_pieces; a room that none takes stays empty, without surfels.
+    let mut pieces = vec![Piece::default(); counts.pieces.min(capacity.pieces) as usize];
+    let mut surfels_of = vec![0; pieces.len()];
+    for (index, piece) in found.into_iter().enumerate() {
+        if let Some(room) = room_for(index as u32, counts.pieces, capacity.pieces) {
+            pieces[room as usize] = piece;
+            surfels_of[room as usize] = params.surfels_of(piece.shape);
+        }
+    }
+
+    // (prefix sum), finish
+    let piece_offsets: Vec<u32> = surfels_of
+        .iter()
+        .map(|&surfels| {
+            let offset = counts.surfels;
+            counts.surfels = offset.saturating_add(surfels);
+            offset
+        })
+        .collect();
+    counts.stored = counts.surfels.min(capacity.surfels);
+
+    let surfels = (0..counts.stored)
+        .map(|i| emit_surfel(&params, capacity, &counts, &pieces, &piece_offsets, i))
+        .collect();
+    Cloud {
+        pieces,
+        surfels,
+        counts,
+    }
+}
+
+fn emit_surfel(
+    params: &Params,
+    capacity: CloudCapacity,
+    counts: &SurfelCounts,
+    pieces: &[Piece],
+    piece_offsets: &[u32],
+    i: u32,
+) -> Surfel {
+    let item = item_of(i, counts.surfels, capacity.surfels);
+    let low = piece_offsets.partition_point(|&offset| offset <= item) - 1;
+    let piece = pieces[low];
+    let leaf = item - piece_offsets[low];
+    let t = piece.corners;
+    let normal = area_vector(t).direction.normalize_or(DVec3::Z);
+
+    let mut radius = area_root(t) / (PI * f64::from(params.surfels_of(piece.shape))).sqrt();
+    if piece.shape & SHAPE_SMALL != 0 {
+        let r = params.target_radius(centroid(t));
+        radius = radius.max(r / params.density.sqrt());
+    }
+    radius *= (f64::from(counts.surfels) / f64::from(capacity.surfels)).max(1.0).sqrt()
+        * (f64::from(counts.pieces) / f64::from(capacity.pieces)).max(1.0).sqrt();
+
+    let key = hash2(hash2(piece.triangle, piece.shape >> SHAPE_PATH_SHIFT), leaf);
+    Surfel {
+        position: params.place(t, normal, piece.shape, leaf, key, radius),
+        radius,
+        normal: pack_normal(normal),
+        piece: low as u32,
+        leaf,
+        material: piece.material,
+    }
+}
