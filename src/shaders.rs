@@ -51,8 +51,8 @@ pub fn shaders(effect: &Effect) -> Result<Vec<Shader>, Error> {
             none,
         ),
         shader(
-            "reconstructor rows",
-            reconstructor::source(effect, ReconstructorVariant::Rows)?,
+            "reconstructor smooth",
+            reconstructor::source(effect, ReconstructorVariant::Smooth)?,
             none,
         ),
     ];
@@ -67,13 +67,25 @@ pub fn shaders(effect: &Effect) -> Result<Vec<Shader>, Error> {
                 if subgroups { " subgroups" } else { "" },
                 if statistics { " statistics" } else { "" }
             );
-            let features = if subgroups { wgpu::Features::SUBGROUP } else { none };
-            all.push(shader(&name, shell_splatter::source(effect, variant)?, features));
+            let features = if subgroups {
+                wgpu::Features::SUBGROUP
+            } else {
+                none
+            };
+            all.push(shader(
+                &name,
+                shell_splatter::source(effect, variant)?,
+                features,
+            ));
         }
     }
-    for blurred in [false, true] {
-        let name = if blurred { "reconstructor columns blurred" } else { "reconstructor columns" };
-        let source = reconstructor::source(effect, ReconstructorVariant::Columns { blurred })?;
+    for smoothed in [false, true] {
+        let name = if smoothed {
+            "reconstructor smoothed"
+        } else {
+            "reconstructor"
+        };
+        let source = reconstructor::source(effect, ReconstructorVariant::Reconstruct { smoothed })?;
         all.push(shader(name, source, none));
     }
     Ok(all)

@@ -1,11 +1,15 @@
 // Reconstructor: the levels' sums, each smoothed over the pixels that its sub-buffers were dealt among, added up and
 // resolved into the caller's texture (Deep Screen Space 3.3).
 //
-//   blur_rows       compute: joint bilateral means along rows, for levels 1 and up
-//   reconstruct     fragment: the same along columns, the sum over levels, the effect's resolve()
+//   smooth_rows     compute: joint bilateral means along rows, for levels 1 and up
+//   smooth_columns  compute: the same along columns, and the sum of these levels
+//   reconstruct     fragment: level 0 and that sum, through the effect's resolve()
 //
 // A pixel of level l saw one surfel in 4^l, by its place in a block of 2^l x 2^l pixels: the mean over such a block sees
 // them all. Neighbours count as far as they lie in the pixel's tangent plane and it in theirs, and share its normal.
+//
+// A thread smooths four pixels next to each other along the filter, one a component of its vectors: each neighbour is
+// loaded and decoded once for the four.
 
 #import math
 #import packing
@@ -28,15 +32,15 @@ struct Params {
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var receivers: texture_2d<u32>;
 @group(0) @binding(2) var sums: texture_2d_array<f32>;
-#if ROWS
+#if SMOOTH
 #if COLOR
-@group(0) @binding(3) var rows: texture_storage_2d_array<rgba32float, write>;
+@group(0) @binding(3) var means: texture_storage_2d_array<rgba32float, write>;
 #else
-@group(0) @binding(3) var rows: texture_storage_2d_array<r32float, write>;
+@group(0) @binding(3) var means: texture_storage_2d_array<r32float, write>;
 #endif
 #else
-#if BLURRED
-@group(0) @binding(3) var rows: texture_2d_array<f32>;
+#if SMOOTHED
+@group(0) @binding(3) var means: texture_2d_array<f32>;
 #endif
 #if ALBEDO
 @group(0) @binding(4) var albedo_texture: texture_2d<f32>;
@@ -44,30 +48,8 @@ struct Params {
 #import effect
 #endif
 
-fn half_width(level: u32) -> i32 {
-  return i32(round(params.radius * f32(1u << level)));
-}
-
-struct Pixel {
-  position: vec3f,
-  normal: vec3f,
-}
-
-fn pixel_from(texel: vec4u) -> Pixel {
-  return Pixel(receiver_position(texel), unpack_normal(texel.w));
-}
-
-// 1 for the pixel itself; exactly 0 across an edge in depth or between perpendicular surfaces.
-fn similarity(p: Pixel, texel: vec4u, tolerance: f32) -> f32 {
-  if texel.w == SKY {
-    return 0.0;
-  }
-  let q = pixel_from(texel);
-  let d = q.position - p.position;
-  let off_plane = max(abs(dot(p.normal, d)), abs(dot(q.normal, d))) / tolerance;
-  let in_plane = max(1.0 - off_plane * off_plane, 0.0);
-  let cosine = max(dot(p.normal, q.normal), 0.0);
-  return in_plane * in_plane * pow(cosine, params.normal_power);
+fn size() -> vec2i {
+  return vec2i(params.camera.viewport.zw);
 }
 
 fn value_of(texel: vec4f) -> Sum {
@@ -78,45 +60,132 @@ fn value_of(texel: vec4f) -> Sum {
 #endif
 }
 
-fn size() -> vec2i {
-  return vec2i(params.camera.viewport.zw);
+// Whether an effect's sum can be used: one that overflowed or is NaN counts for nothing, here and in its neighbours.
+fn is_usable(sum: Sum) -> bool {
+#if COLOR
+  return is_finite3(sum);
+#else
+  return is_finite(sum);
+#endif
 }
 
-// World units that the plane distance of a neighbour is measured in.
-fn plane_tolerance(p: Pixel, width: i32) -> f32 {
-  let relative = p.position - params.camera.eye;
-  return max(params.plane_distance * f32(width) * footprint(params.camera, relative), 1e-30);
+#if SMOOTH
+
+#if COLOR
+alias FourSums = mat3x4f;
+fn scaled(sum: vec3f, weight: vec4f) -> FourSums {
+  return mat3x4f(sum.x * weight, sum.y * weight, sum.z * weight);
+}
+fn divided(sums: FourSums, weights: vec4f) -> FourSums {
+  return mat3x4f(sums[0] / weights, sums[1] / weights, sums[2] / weights);
+}
+fn texel_of(sums: FourSums, i: u32) -> vec4f {
+  return vec4f(sums[0][i], sums[1][i], sums[2][i], 0.0);
+}
+#else
+alias FourSums = vec4f;
+fn scaled(sum: f32, weight: vec4f) -> FourSums {
+  return sum * weight;
+}
+fn divided(sums: FourSums, weights: vec4f) -> FourSums {
+  return sums / weights;
+}
+fn texel_of(sums: FourSums, i: u32) -> vec4f {
+  return vec4f(sums[i], 0.0, 0.0, 0.0);
+}
+#endif
+
+// Four pixels; a column holds one coordinate of all.
+struct Four {
+  position: mat3x4f,
+  normal: mat3x4f,
+  // One over the distance off the plane at which a neighbour counts no more.
+  per_tolerance: vec4f,
 }
 
-#if ROWS
+fn half_width(level: u32) -> i32 {
+  return i32(round(params.radius * f32(1u << level)));
+}
 
-@compute @workgroup_size(8, 8)
-fn blur_rows(@builtin(global_invocation_id) id: vec3u) {
-  let at = vec2i(id.xy);
-  let level = id.z + 1u;
-  if any(at >= size()) {
-    return;
+fn load_four(first: vec2i, along: vec2i, width: i32) -> Four {
+  var position: mat4x3f;
+  var normal: mat4x3f;
+  var per_tolerance: vec4f;
+  for (var i = 0; i < 4; i++) {
+    let texel = textureLoad(receivers, min(first + i * along, size() - 1), 0);
+    position[i] = receiver_position(texel);
+    normal[i] = unpack_normal(texel.w);
+    let pixel = footprint(params.camera, position[i] - params.camera.eye);
+    per_tolerance[i] = 1.0 / max(params.plane_distance * f32(width) * pixel, 1e-30);
   }
-  let own = textureLoad(receivers, at, 0);
-  var mean = value_of(textureLoad(sums, at, level, 0));
+  return Four(transpose(position), transpose(normal), per_tolerance);
+}
+
+fn dot4(a: mat3x4f, b: mat3x4f) -> vec4f {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+// 1 for a pixel itself; exactly 0 across an edge in depth or between perpendicular surfaces.
+fn similarity(p: Four, position: vec3f, normal: vec3f) -> vec4f {
+  let d = mat3x4f(position.x - p.position[0], position.y - p.position[1], position.z - p.position[2]);
+  let off_plane = max(abs(dot4(p.normal, d)), abs(d * normal)) * p.per_tolerance;
+  let in_plane = max(1.0 - off_plane * off_plane, vec4f(0.0));
+  let cosine = max(p.normal * normal, vec4f(0.0));
+  return in_plane * in_plane * pow(cosine, vec4f(params.normal_power));
+}
+
+fn smoothed(first: vec2i, along: vec2i, level: u32, layer: u32) -> FourSums {
   let width = half_width(level);
-  if own.w != SKY && width > 0 {
-    let p = pixel_from(own);
-    let tolerance = plane_tolerance(p, width);
-    var weights = 1.0;
-    for (var i = max(-width, -at.x); i <= min(width, size().x - 1 - at.x); i++) {
-      let there = at + vec2i(i, 0);
-      let weight = select(similarity(p, textureLoad(receivers, there, 0), tolerance), 0.0, i == 0);
-      mean += weight * value_of(textureLoad(sums, there, level, 0));
+  let p = load_four(first, along, width);
+  var mean: FourSums;
+  var weights = vec4f(0.0);
+  let start = dot(first, along);
+  let end = min(start + 3 + width, dot(size() - 1, along));
+  for (var t = max(start - width, 0); t <= end; t++) {
+    let there = first + (t - start) * along;
+    let texel = textureLoad(receivers, there, 0);
+    let sum = value_of(textureLoad(sums, there, layer, 0));
+    if texel.w != SKY && is_usable(sum) {
+      let offset = abs(vec4f(f32(t - start)) - vec4f(0.0, 1.0, 2.0, 3.0));
+      var weight = similarity(p, receiver_position(texel), unpack_normal(texel.w));
+      weight = select(weight, vec4f(0.0), offset > vec4f(f32(width)));
+      weight = select(weight, vec4f(1.0), offset == vec4f(0.0));
+      mean += scaled(sum, weight);
       weights += weight;
     }
-    mean /= weights;
   }
-#if COLOR
-  textureStore(rows, at, id.z, vec4f(mean, 0.0));
-#else
-  textureStore(rows, at, id.z, vec4f(mean, 0.0, 0.0, 0.0));
-#endif
+  return divided(mean, max(weights, vec4f(1e-30)));
+}
+
+fn store(first: vec2i, along: vec2i, layer: u32, four: FourSums) {
+  for (var i = 0u; i < 4u; i++) {
+    let at = first + i32(i) * along;
+    if all(at < size()) {
+      textureStore(means, at, layer, texel_of(four, i));
+    }
+  }
+}
+
+@compute @workgroup_size(8, 8)
+fn smooth_rows(@builtin(global_invocation_id) id: vec3u) {
+  let along = vec2i(1, 0);
+  let first = vec2i(id.xy) * vec2i(4, 1);
+  if all(first < size()) {
+    store(first, along, id.z, smoothed(first, along, id.z + 1u, id.z + 1u));
+  }
+}
+
+@compute @workgroup_size(8, 8)
+fn smooth_columns(@builtin(global_invocation_id) id: vec3u) {
+  let along = vec2i(0, 1);
+  let first = vec2i(id.xy) * vec2i(1, 4);
+  if all(first < size()) {
+    var total: FourSums;
+    for (var level = 1u; level < params.levels; level++) {
+      total += smoothed(first, along, level, level - 1u);
+    }
+    store(first, along, 0u, total);
+  }
 }
 
 #else
@@ -130,31 +199,20 @@ fn cover(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {
 @fragment
 fn reconstruct(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
   let at = clamp(vec2i(fragment.xy) - vec2i(params.camera.viewport.xy), vec2i(0), size() - 1);
-  let own = textureLoad(receivers, at, 0);
   var albedo = vec3f(1.0);
 #if ALBEDO
   albedo = textureLoad(albedo_texture, vec2i(params.camera.viewport.xy) + at, 0).xyz;
 #endif
-  if own.w == SKY {
-    return resolve(Sum(0.0), albedo);
-  }
-  let p = pixel_from(own);
-  var total = value_of(textureLoad(sums, at, 0, 0));
-#if BLURRED
-  for (var level = 1u; level < params.levels; level++) {
-    var mean = value_of(textureLoad(rows, at, level - 1u, 0));
-    let width = half_width(level);
-    let tolerance = plane_tolerance(p, width);
-    var weights = 1.0;
-    for (var i = max(-width, -at.y); i <= min(width, size().y - 1 - at.y); i++) {
-      let there = at + vec2i(0, i);
-      let weight = select(similarity(p, textureLoad(receivers, there, 0), tolerance), 0.0, i == 0);
-      mean += weight * value_of(textureLoad(rows, there, level - 1u, 0));
-      weights += weight;
+  var total = Sum(0.0);
+  if textureLoad(receivers, at, 0).w != SKY {
+    let finest = value_of(textureLoad(sums, at, 0, 0));
+    if is_usable(finest) {
+      total = finest;
     }
-    total += mean / weights;
-  }
+#if SMOOTHED
+    total += value_of(textureLoad(means, at, 0, 0));
 #endif
+  }
   return resolve(total, albedo);
 }
 

@@ -10,7 +10,7 @@ use wgpu::{
 
 use self::{params::ReconstructorParams, settings::ReconstructorSettings};
 use crate::{
-    camera::Camera,
+    camera::{Camera, Viewport},
     effect::Effect,
     error::{Error, check_setting},
     gbuffer::{GBuffer, check_plain},
@@ -35,10 +35,11 @@ const LABEL: &str = "deep-screen-space reconstructor";
 pub struct Reconstructor {
     effect: Effect,
     target: TextureFormat,
-    rows_layout: wgpu::BindGroupLayout,
-    /// Without and with blurred levels.
+    smooth_layout: wgpu::BindGroupLayout,
+    /// Without and with smoothed levels.
     reconstruct_layouts: [wgpu::BindGroupLayout; 2],
-    blur_rows: ComputePipeline,
+    smooth_rows: ComputePipeline,
+    smooth_columns: ComputePipeline,
     reconstruct: [RenderPipeline; 2],
 }
 
@@ -48,14 +49,22 @@ pub struct ReconstructorView {
     size: [u32; 2],
     levels: u32,
     format: TextureFormat,
-    rows: Option<TextureView>,
+    scratch: Option<Scratch>,
+}
+
+#[derive(Debug)]
+struct Scratch {
+    /// Level sums from the second on, smoothed along rows: a layer a level.
+    rows: TextureView,
+    /// Their total, smoothed along columns too: one layer.
+    total: TextureView,
 }
 
 impl ReconstructorView {
     /// GPU memory that it owns, bytes.
     pub fn memory_bytes(&self) -> u64 {
-        if self.rows.is_some() {
-            plane_bytes(self.format, self.size, self.levels - 1)
+        if self.scratch.is_some() {
+            plane_bytes(self.format, self.size, self.levels)
         } else {
             0
         }
@@ -110,7 +119,7 @@ impl Reconstructor {
             });
         }
         let format = effect.sum_format();
-        let rows_layout = binding::layout(
+        let smooth_layout = binding::layout(
             device,
             LABEL,
             ShaderStages::COMPUTE,
@@ -121,44 +130,45 @@ impl Reconstructor {
                 (3, binding::store(format, TextureViewDimension::D2Array)),
             ],
         );
-        let rows_module = shader::create(
-            device,
-            LABEL,
-            source(effect, ReconstructorVariant::Rows)?,
-        );
-        let blur_rows = Kernel {
-            label: LABEL,
-            module: &rows_module,
-            entry: "blur_rows",
-            layouts: &[&rows_layout],
-            constants: &[],
-            cache,
-        }
-        .create(device);
+        let smooth_module =
+            shader::create(device, LABEL, source(effect, ReconstructorVariant::Smooth)?);
+        let smooth = |entry| {
+            Kernel {
+                label: LABEL,
+                module: &smooth_module,
+                entry,
+                layouts: &[&smooth_layout],
+                constants: &[],
+                cache,
+            }
+            .create(device)
+        };
+        let (smooth_rows, smooth_columns) = (smooth("smooth_rows"), smooth("smooth_columns"));
 
-        let variants = [false, true].map(|blurred| {
+        let variants = [false, true].map(|smoothed| {
             let mut entries: Vec<(u32, BindingType)> =
                 vec![(0, UNIFORM), (1, UINT_2D), (2, FLOAT_ARRAY)];
-            entries.extend(blurred.then_some((3, FLOAT_ARRAY)));
+            entries.extend(smoothed.then_some((3, FLOAT_ARRAY)));
             entries.extend(effect.albedo.then_some((4, FLOAT_2D)));
             let layout = binding::layout(device, LABEL, ShaderStages::FRAGMENT, &entries);
             let module = shader::create(
                 device,
                 LABEL,
-                source(effect, ReconstructorVariant::Columns { blurred })?,
+                source(effect, ReconstructorVariant::Reconstruct { smoothed })?,
             );
             let pipeline = render_pipeline(device, effect, &module, &layout, target, cache);
             Ok((layout, pipeline))
         });
-        let [plain, blurred] = variants;
-        let ((plain_layout, plain), (blurred_layout, blurred)) = (plain?, blurred?);
+        let [plain, smoothed] = variants;
+        let ((plain_layout, plain), (smoothed_layout, smoothed)) = (plain?, smoothed?);
         Ok(Self {
             effect: effect.clone(),
             target,
-            rows_layout,
-            reconstruct_layouts: [plain_layout, blurred_layout],
-            blur_rows,
-            reconstruct: [plain, blurred],
+            smooth_layout,
+            reconstruct_layouts: [plain_layout, smoothed_layout],
+            smooth_rows,
+            smooth_columns,
+            reconstruct: [plain, smoothed],
         })
     }
 
@@ -181,19 +191,26 @@ impl Reconstructor {
         )?;
         let size = [width, height];
         let format = self.effect.sum_format();
-        let rows = (levels > 1)
-            .then(|| plane(device, "deep-screen-space blurred rows", format, size, levels - 1))
-            .transpose()?;
+        let layers = |label, layers| -> Result<TextureView, Error> {
+            let texture = plane(device, label, format, size, layers)?;
+            Ok(texture.create_view(&wgpu::TextureViewDescriptor {
+                dimension: Some(TextureViewDimension::D2Array),
+                ..Default::default()
+            }))
+        };
+        let scratch = if levels > 1 {
+            Some(Scratch {
+                rows: layers("deep-screen-space smoothed rows", levels - 1)?,
+                total: layers("deep-screen-space smoothed total", 1)?,
+            })
+        } else {
+            None
+        };
         Ok(ReconstructorView {
             size,
             levels,
             format,
-            rows: rows.map(|texture| {
-                texture.create_view(&wgpu::TextureViewDescriptor {
-                    dimension: Some(TextureViewDimension::D2Array),
-                    ..Default::default()
-                })
-            }),
+            scratch,
         })
     }
 
@@ -218,18 +235,16 @@ impl Reconstructor {
             LABEL,
             &ReconstructorParams::new(settings, input.camera, input.cloud.origin(), input.levels),
         );
-        let rows = scratch.rows.as_ref().filter(|_| input.levels > 1);
-        let shared = [
-            (0, whole(&params)),
-            (1, view(&input.sums.receivers.view)),
-            (2, view(input.sums.sums())),
-        ];
+        let smoothing = scratch.scratch.as_ref().filter(|_| input.levels > 1);
+        let shared = [(0, whole(&params)), (1, view(&input.sums.receivers.view))];
 
         encoder.push_debug_group(LABEL);
-        if let Some(rows) = rows {
-            let mut resources = shared.to_vec();
-            resources.push((3, view(rows)));
-            let group = binding::group(device, LABEL, &self.rows_layout, &resources);
+        if let Some(scratch) = smoothing {
+            let group = |from, to| {
+                let mut resources = shared.to_vec();
+                resources.extend([(2, view(from)), (3, view(to))]);
+                binding::group(device, LABEL, &self.smooth_layout, &resources)
+            };
             let begin = input.timestamps.map(|t| wgpu::ComputePassTimestampWrites {
                 query_set: t.set,
                 beginning_of_pass_write_index: Some(t.begin),
@@ -239,22 +254,29 @@ impl Reconstructor {
                 label: Some(LABEL),
                 timestamp_writes: begin,
             });
-            pass.set_pipeline(&self.blur_rows);
-            pass.set_bind_group(0, &group, &[]);
-            pass.dispatch_workgroups(
-                viewport.width.div_ceil(8),
-                viewport.height.div_ceil(8),
-                input.levels - 1,
-            );
+            // A thread takes four pixels along the filter, a workgroup 8 x 8 threads.
+            let Viewport { width, height, .. } = viewport;
+            pass.set_pipeline(&self.smooth_rows);
+            pass.set_bind_group(0, &group(input.sums.sums(), &scratch.rows), &[]);
+            pass.dispatch_workgroups(width.div_ceil(32), height.div_ceil(8), input.levels - 1);
+            pass.set_pipeline(&self.smooth_columns);
+            pass.set_bind_group(0, &group(&scratch.rows, &scratch.total), &[]);
+            pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(32), 1);
         }
 
-        let blurred = usize::from(rows.is_some());
+        let smoothed = usize::from(smoothing.is_some());
         let mut resources = shared.to_vec();
-        resources.extend(rows.map(|rows| (3, view(rows))));
+        resources.push((2, view(input.sums.sums())));
+        resources.extend(smoothing.map(|scratch| (3, view(&scratch.total))));
         if self.effect.albedo {
             resources.extend(input.gbuffer.albedo.map(|albedo| (4, view(albedo))));
         }
-        let group = binding::group(device, LABEL, &self.reconstruct_layouts[blurred], &resources);
+        let group = binding::group(
+            device,
+            LABEL,
+            &self.reconstruct_layouts[smoothed],
+            &resources,
+        );
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some(LABEL),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
@@ -268,7 +290,7 @@ impl Reconstructor {
             })],
             timestamp_writes: input.timestamps.map(|t| wgpu::RenderPassTimestampWrites {
                 query_set: t.set,
-                beginning_of_pass_write_index: rows.is_none().then_some(t.begin),
+                beginning_of_pass_write_index: smoothing.is_none().then_some(t.begin),
                 end_of_pass_write_index: Some(t.end),
             }),
             ..Default::default()
@@ -282,7 +304,7 @@ impl Reconstructor {
             1.0,
         );
         pass.set_scissor_rect(viewport.x, viewport.y, viewport.width, viewport.height);
-        pass.set_pipeline(&self.reconstruct[blurred]);
+        pass.set_pipeline(&self.reconstruct[smoothed]);
         pass.set_bind_group(0, &group, &[]);
         pass.draw(0..3, 0..1);
         drop(pass);
@@ -290,7 +312,11 @@ impl Reconstructor {
         Ok(())
     }
 
-    fn check(&self, input: &ReconstructorInput<'_>, scratch: &ReconstructorView) -> Result<(), Error> {
+    fn check(
+        &self,
+        input: &ReconstructorInput<'_>,
+        scratch: &ReconstructorView,
+    ) -> Result<(), Error> {
         let viewport = input.camera.viewport();
         let size = [viewport.width, viewport.height];
         check_plain(
@@ -324,8 +350,17 @@ impl Reconstructor {
         {
             return Err(Error::Mismatch {
                 name: "SplatView",
-                found: format!("{:?} pixels, {} levels, {:?}", sums.size(), sums.levels(), sums.format()),
-                needed: format!("{size:?} pixels, {} levels, {:?}", input.levels, self.effect.sum_format()),
+                found: format!(
+                    "{:?} pixels, {} levels, {:?}",
+                    sums.size(),
+                    sums.levels(),
+                    sums.format()
+                ),
+                needed: format!(
+                    "{size:?} pixels, {} levels, {:?}",
+                    input.levels,
+                    self.effect.sum_format()
+                ),
             });
         }
         if scratch.size != size
@@ -335,7 +370,10 @@ impl Reconstructor {
         {
             return Err(Error::Mismatch {
                 name: "ReconstructorView",
-                found: format!("{:?} pixels, {} levels, {:?}", scratch.size, scratch.levels, scratch.format),
+                found: format!(
+                    "{:?} pixels, {} levels, {:?}",
+                    scratch.size, scratch.levels, scratch.format
+                ),
                 needed: format!("{size:?} pixels, {} levels (at least 1)", input.levels),
             });
         }
@@ -386,19 +424,24 @@ fn render_pipeline(
 /// The modules that a reconstructor is made of.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum ReconstructorVariant {
-    Rows,
-    Columns { blurred: bool },
+    Smooth,
+    Reconstruct { smoothed: bool },
 }
 
 /// Assembles one of them.
 pub(crate) fn source(effect: &Effect, variant: ReconstructorVariant) -> Result<String, Error> {
     let mut flags = effect.flags();
     match variant {
-        ReconstructorVariant::Rows => flags.push("ROWS"),
-        ReconstructorVariant::Columns { blurred } => {
-            flags.extend(blurred.then_some("BLURRED"));
+        ReconstructorVariant::Smooth => flags.push("SMOOTH"),
+        ReconstructorVariant::Reconstruct { smoothed } => {
+            flags.extend(smoothed.then_some("SMOOTHED"));
             flags.extend(effect.albedo.then_some("ALBEDO"));
         }
     }
-    shader::assemble("reconstructor", SOURCE, &flags, &[("effect", effect.source.as_ref())])
+    shader::assemble(
+        "reconstructor",
+        SOURCE,
+        &flags,
+        &[("effect", effect.source.as_ref())],
+    )
 }
