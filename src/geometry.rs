@@ -34,7 +34,8 @@ pub struct Vertices<'a> {
     pub stride: u32,
     /// How positions are stored.
     pub format: PositionFormat,
-    /// How many vertices there are. An index at or beyond it drops its triangle and counts it as rejected.
+    /// How many vertices there are. An index that gives, with the base vertex, none of them drops its triangle and
+    /// counts it as rejected.
     pub count: u32,
 }
 
@@ -52,7 +53,8 @@ pub enum IndexFormat {
 pub struct Indices<'a> {
     /// The buffer.
     pub buffer: &'a Buffer,
-    /// Byte offset of index 0, a multiple of the index's size.
+    /// Byte offset of index 0, a multiple of the index's size. The buffer goes on to the multiple of 4 bytes that
+    /// follows the draw's last index.
     pub offset: u64,
     /// The width of an index.
     pub format: IndexFormat,
@@ -140,8 +142,14 @@ impl Mesh<'_> {
                     needed: format!("a multiple of {size} bytes"),
                 });
             }
-            let end = indices.offset + (u64::from(self.first) + u64::from(self.count)) * size;
-            check_size("Mesh::indices", indices.buffer, end)?;
+            // The shader reads whole words, and a binding has no part of one: the last of an odd number of u16 indices
+            // needs two bytes behind it.
+            let end = (u64::from(self.first) + u64::from(self.count)) * size;
+            let end = indices
+                .offset
+                .saturating_add(end)
+                .checked_next_multiple_of(4);
+            check_size("Mesh::indices", indices.buffer, end.unwrap_or(u64::MAX))?;
         }
         if let Some(instances) = &self.instances {
             let bytes = match instances.format {
@@ -180,7 +188,8 @@ fn check_layout(
     if count == 0 {
         return Ok(());
     }
-    check_size(name, buffer, offset + u64::from(count - 1) * u64::from(stride) + bytes)
+    let end = u64::from(count - 1) * u64::from(stride) + bytes;
+    check_size(name, buffer, offset.saturating_add(end))
 }
 
 fn check_usage(name: &'static str, buffer: &Buffer) -> Result<(), Error> {

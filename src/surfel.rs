@@ -21,7 +21,7 @@ pub struct CloudCapacity {
     /// Triangles after large ones were split; 1…2.7 million within `Limits::default()` (48 bytes each). One a triangle
     /// that is larger than a surfel, plus a few hundred for each that spans the view, is ample.
     pub pieces: u32,
-    /// Triangles of all instances of all meshes, 0…2²⁵.
+    /// Triangles of all instances of all meshes, 0…2²⁵, of which `Limits::default()` leaves 2²⁵ − 1.
     pub triangles: u32,
 }
 
@@ -109,7 +109,11 @@ pub struct SurfelCloud {
 }
 
 impl SurfelCloud {
-    pub(crate) fn new(device: &Device, scan: &Scan, capacity: CloudCapacity) -> Result<Self, Error> {
+    pub(crate) fn new(
+        device: &Device,
+        scan: &Scan,
+        capacity: CloudCapacity,
+    ) -> Result<Self, Error> {
         check_setting(
             (1..=1 << 23).contains(&capacity.surfels),
             "CloudCapacity::surfels",

@@ -40,7 +40,8 @@ struct Params {
   origin_high: vec3f,
   placement: u32,
   origin_low: vec3f,
-  padding: u32,
+  // Triangles of meshes without vertices, which nothing is dispatched for.
+  without_vertices: u32,
 }
 
 struct Mesh {
@@ -286,14 +287,19 @@ const NO_VERTEX: u32 = 0xffffffffu;
 
 fn vertex_index(i: u32) -> u32 {
   let at = mesh.index_offset + i;
+  if at < i {
+    return NO_VERTEX;
+  }
   var index = at;
   if mesh.index_format == 1u {
     index = (indices[at / 2u] >> (16u * (at & 1u))) & 0xffffu;
   } else if mesh.index_format == 2u {
     index = indices[at];
   }
-  let vertex = i32(index) + mesh.base_vertex;
-  return select(NO_VERTEX, u32(vertex), vertex >= 0 && u32(vertex) < mesh.vertex_count);
+  // A sum that wraps around is out of range, not a vertex at the other end.
+  let vertex = index + bitcast<u32>(mesh.base_vertex);
+  let wraps = select((vertex < index), (vertex > index), mesh.base_vertex < 0);
+  return select(vertex, NO_VERTEX, wraps || vertex >= mesh.vertex_count);
 }
 
 struct Transform {
@@ -520,6 +526,7 @@ fn emit_pieces(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocatio
 
 @compute @workgroup_size(1)
 fn finish() {
+  atomicAdd(&counters.rejected, params.without_vertices);
   let total = piece_offsets[params.piece_capacity];
   counters.surfels = total;
   counters.stored = min(total, params.surfel_capacity);

@@ -15,7 +15,7 @@ use self::{
 use crate::{
     camera::Camera,
     error::{Error, check_limit, check_setting},
-    geometry::Geometry,
+    geometry::{Geometry, Mesh},
     gpu::{
         Kernel, Timestamps, WORKGROUP,
         binding::{self, READ, UNIFORM, WRITE, whole},
@@ -118,7 +118,11 @@ impl Surfelizer {
     ///
     /// # Errors
     /// [`Error::Setting`] for a capacity out of range, [`Error::Limit`] where the device cannot bind as much.
-    pub fn create_cloud(&self, device: &Device, capacity: CloudCapacity) -> Result<SurfelCloud, Error> {
+    pub fn create_cloud(
+        &self,
+        device: &Device,
+        capacity: CloudCapacity,
+    ) -> Result<SurfelCloud, Error> {
         SurfelCloud::new(device, &self.scan, capacity)
     }
 
@@ -144,6 +148,7 @@ impl Surfelizer {
         let meshes = input.geometry.meshes;
         for mesh in meshes {
             mesh.validate()?;
+            check_apart(mesh, cloud)?;
         }
         check_setting(
             input.geometry.triangles() <= cloud.capacity.triangles,
@@ -152,10 +157,13 @@ impl Surfelizer {
             "at least the geometry's triangles, over all instances",
         )?;
         let mut first_triangle = 0;
+        let mut without_vertices = 0;
         let mut draws = Vec::with_capacity(meshes.len());
         for mesh in meshes {
             let triangles = mesh.triangles() * mesh.instance_count();
-            if triangles > 0 && mesh.vertices.count > 0 {
+            if mesh.vertices.count == 0 {
+                without_vertices += triangles;
+            } else if triangles > 0 {
                 let bound = MeshBinding::new(mesh, first_triangle);
                 draws.push((
                     self.mesh_group(device, mesh, &bound, cloud)?,
@@ -165,7 +173,13 @@ impl Surfelizer {
             first_triangle += triangles;
         }
 
-        let params = SurfelizerParams::new(settings, input.camera, input.cull_by, cloud.capacity);
+        let params = SurfelizerParams::new(
+            settings,
+            input.camera,
+            input.cull_by,
+            cloud.capacity,
+            without_vertices,
+        );
         let params = uniform(device, LABEL, &params);
         let cloud_group = binding::group(
             device,
@@ -220,7 +234,7 @@ impl Surfelizer {
     fn mesh_group(
         &self,
         device: &Device,
-        mesh: &crate::geometry::Mesh<'_>,
+        mesh: &Mesh<'_>,
         bound: &MeshBinding,
         cloud: &SurfelCloud,
     ) -> Result<BindGroup, Error> {
@@ -241,7 +255,12 @@ impl Surfelizer {
             (bound.indices.map(|w| w.size), "Mesh::indices"),
             (bound.instances.map(|w| w.size), "Mesh::instances"),
         ] {
-            check_limit("max_storage_buffer_binding_size", limit, size.unwrap_or(0), why)?;
+            check_limit(
+                "max_storage_buffer_binding_size",
+                limit,
+                size.unwrap_or(0),
+                why,
+            )?;
         }
         Ok(binding::group(
             device,
@@ -256,6 +275,25 @@ impl Surfelizer {
             ],
         ))
     }
+}
+
+/// A kernel cannot read what it writes: refuses a mesh made of the cloud's own buffers.
+fn check_apart(mesh: &Mesh<'_>, cloud: &SurfelCloud) -> Result<(), Error> {
+    let own = [&cloud.pieces, &cloud.counters];
+    for (name, buffer) in [
+        ("Mesh::vertices", Some(mesh.vertices.buffer)),
+        ("Mesh::indices", mesh.indices.map(|i| i.buffer)),
+        ("Mesh::instances", mesh.instances.map(|i| i.buffer)),
+    ] {
+        if buffer.is_some_and(|b| own.contains(&b)) {
+            return Err(Error::Buffer {
+                name,
+                found: "a buffer of the cloud that is recorded".into(),
+                needed: "a buffer of its own".into(),
+            });
+        }
+    }
+    Ok(())
 }
 
 fn window(buffer: &Buffer, window: Window) -> BindingResource<'_> {

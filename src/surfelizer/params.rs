@@ -19,20 +19,20 @@ const UNBOUNDED: f32 = 1e18;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct SurfelizerParams {
-    camera: CameraParams,
-    planes: [[f32; 4]; 6 * MAX_VIEWS],
-    view_count: u32,
-    triangle_count: u32,
-    piece_capacity: u32,
-    surfel_capacity: u32,
-    radius_pixels: f32,
-    density: f32,
-    reach_radii: f32,
-    reach_world: f32,
-    origin_high: [f32; 3],
-    placement: u32,
-    origin_low: [f32; 3],
-    padding: u32,
+    pub(crate) camera: CameraParams,
+    pub(crate) planes: [[f32; 4]; 6 * MAX_VIEWS],
+    pub(crate) view_count: u32,
+    pub(crate) triangle_count: u32,
+    pub(crate) piece_capacity: u32,
+    pub(crate) surfel_capacity: u32,
+    pub(crate) radius_pixels: f32,
+    pub(crate) density: f32,
+    pub(crate) reach_radii: f32,
+    pub(crate) reach_world: f32,
+    pub(crate) origin_high: [f32; 3],
+    pub(crate) placement: u32,
+    pub(crate) origin_low: [f32; 3],
+    pub(crate) without_vertices: u32,
 }
 
 impl SurfelizerParams {
@@ -41,6 +41,7 @@ impl SurfelizerParams {
         camera: &Camera,
         views: &[Camera],
         capacity: CloudCapacity,
+        without_vertices: u32,
     ) -> Self {
         let origin = camera.eye();
         let mut planes = [[0.0; 4]; 6 * MAX_VIEWS];
@@ -63,7 +64,7 @@ impl SurfelizerParams {
             origin_high: high.to_array(),
             placement: settings.placement.code(),
             origin_low: (origin - high.as_dvec3()).as_vec3().to_array(),
-            padding: 0,
+            without_vertices,
         }
     }
 }
@@ -71,21 +72,21 @@ impl SurfelizerParams {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct MeshParams {
-    vertex_offset: u32,
-    vertex_stride: u32,
-    vertex_format: u32,
-    vertex_count: u32,
-    index_offset: u32,
-    index_format: u32,
-    base_vertex: i32,
-    triangles: u32,
-    instance_offset: u32,
-    instance_stride: u32,
-    instance_format: u32,
-    instances: u32,
-    first_triangle: u32,
-    material: u32,
-    padding: [u32; 2],
+    pub(crate) vertex_offset: u32,
+    pub(crate) vertex_stride: u32,
+    pub(crate) vertex_format: u32,
+    pub(crate) vertex_count: u32,
+    pub(crate) index_offset: u32,
+    pub(crate) index_format: u32,
+    pub(crate) base_vertex: i32,
+    pub(crate) triangles: u32,
+    pub(crate) instance_offset: u32,
+    pub(crate) instance_stride: u32,
+    pub(crate) instance_format: u32,
+    pub(crate) instances: u32,
+    pub(crate) first_triangle: u32,
+    pub(crate) material: u32,
+    pub(crate) padding: [u32; 2],
 }
 
 /// A part of one of the caller's buffers as it is bound: bindings begin at multiples of 256 bytes.
@@ -101,12 +102,12 @@ impl Window {
     /// A window over `bytes` bytes from `offset` on, in a buffer of `limit` bytes.
     fn over(offset: u64, bytes: u64, limit: u64) -> Self {
         let start = offset & !255;
-        // Whole words, at least one; a trailing u16 index is read with its neighbour, or with padding bytes that
-        // wgpu keeps behind every buffer's end.
-        let size = (offset - start + bytes).next_multiple_of(4).max(4);
+        // A binding is whole words. `Mesh::validate` saw to it that all that is read lies in the buffer's whole words;
+        // a stride behind the last vertex may not.
+        let size = (offset - start + bytes).next_multiple_of(4);
         Self {
             offset: start,
-            size: size.min(limit - start),
+            size: size.min((limit & !3) - start),
             inside: (offset - start) as u32,
         }
     }

@@ -1,0 +1,16 @@
+//! The Surfelizer: GPU against the f64 mirror, and both against what the surfels stand for.
+
+#[path = "../../examples/support/mod.rs"]
+mod support;
+
+mod area;
+mod comparison;
+mod coverage;
+mod culling;
+mod errors;
+mod extremes;
+mod formats;
+mod harness;
+mod overflow;
+mod repeatability;
+mod size;
