@@ -143,7 +143,11 @@ impl Camera {
             viewport,
             perspective,
             far_depth: 0.0,
-            near: if perspective { at_zero.min(at_one) } else { 0.0 },
+            near: if perspective {
+                at_zero.min(at_one)
+            } else {
+                0.0
+            },
             unproject: DMat4::IDENTITY,
         };
         camera.set_far_depth(if at_zero > at_one { 0.0 } else { 1.0 });
@@ -164,8 +168,7 @@ impl Camera {
         // The translation is applied apart from the rotation: glam's look_at would round the eye through a product.
         let forward = (target - eye).normalize_or_zero();
         let right = forward.cross(up).normalize_or_zero();
-        let rotation =
-            DMat3::from_cols(right, right.cross(forward), -forward).transpose();
+        let rotation = DMat3::from_cols(right, right.cross(forward), -forward).transpose();
         let view = DMat4::from_mat3(rotation) * DMat4::from_translation(-eye);
         let mut camera = Self::new(view, projection, viewport)?;
         camera.eye = eye;
@@ -357,13 +360,13 @@ impl Footprint {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct CameraParams {
-    unproject: [[f32; 4]; 4],
-    view_to_world: [[f32; 4]; 3],
-    eye: [f32; 3],
-    far_depth: f32,
-    viewport: [u32; 4],
-    pixel: f32,
-    near: f32,
-    perspective: u32,
-    padding: u32,
+    pub(crate) unproject: [[f32; 4]; 4],
+    pub(crate) view_to_world: [[f32; 4]; 3],
+    pub(crate) eye: [f32; 3],
+    pub(crate) far_depth: f32,
+    pub(crate) viewport: [u32; 4],
+    pub(crate) pixel: f32,
+    pub(crate) near: f32,
+    pub(crate) perspective: u32,
+    pub(crate) padding: u32,
 }

@@ -29,14 +29,15 @@ pub enum NormalSpace {
     View,
 }
 
-/// Views of the caller's G-buffer, all of one size, one sample a pixel, mip level 0.
+/// Views of the caller's G-buffer: of 2-D textures without array layers, one sample a pixel, from mip level 0. Each
+/// texture covers the camera's viewport; they need not be of one size.
 ///
 /// Pixels are read within the camera's viewport only. A normal that is zero, not finite or too short to normalise is
 /// taken to face the eye; any other length is normalised away.
 #[derive(Clone, Copy, Debug)]
 pub struct GBuffer<'a> {
-    /// The depth that the camera's projection produced: a depth format (its depth aspect), or `R32Float` with the
-    /// same values. Usage `TEXTURE_BINDING`.
+    /// The depth that the camera's projection produced: a depth format, or `R32Float` with the same values. Of a format
+    /// with stencil a view of the depth aspect alone. Usage `TEXTURE_BINDING`.
     pub depth: &'a TextureView,
     /// Shading normals, in any float, snorm or unorm format with the components that the encoding needs. Usage
     /// `TEXTURE_BINDING`.
@@ -78,22 +79,22 @@ impl GBuffer<'_> {
             TextureUsages::TEXTURE_BINDING,
         )?;
         let normal = self.normal.texture().format();
-        let unsigned = is_unsigned(normal);
+        let components = normal.components();
         let (ok, accepted) = match self.normal_encoding {
             NormalEncoding::Signed => (
-                normal.components() >= 3 && !unsigned,
+                components >= 3 && (is_snorm(normal) || is_float(normal)),
                 "a float or snorm format with three components or more",
             ),
             NormalEncoding::Unsigned => (
-                normal.components() >= 3 && (unsigned || is_float(normal)),
+                components >= 3 && !is_snorm(normal),
                 "a unorm or float format with three components or more",
             ),
             NormalEncoding::Octahedral => (
-                normal.components() >= 2 && !unsigned,
+                components >= 2 && (is_snorm(normal) || is_float(normal)),
                 "a float or snorm format with two components or more",
             ),
             NormalEncoding::OctahedralUnsigned => (
-                normal.components() >= 2 && (unsigned || is_float(normal)),
+                components >= 2 && !is_snorm(normal),
                 "a unorm or float format with two components or more",
             ),
         };
@@ -124,18 +125,23 @@ impl GBuffer<'_> {
         Ok(())
     }
 
-    /// How far a stored depth may lie from the true one: half a step of its format. `R32Float` and `Depth32Float`
-    /// round relative to the value instead, which the shader adds itself.
     pub(crate) fn depth_step(&self) -> f32 {
-        match self.depth.texture().format() {
-            Format::Depth16Unorm => 0.5 / 65535.0,
-            Format::Depth24Plus | Format::Depth24PlusStencil8 => 0.5 / 16_777_215.0,
-            _ => 0.0,
-        }
+        depth_step(self.depth.texture().format())
     }
 }
 
-/// Checks that a view is of a plain 2-D texture with one sample, of a needed usage, covering the viewport.
+/// How far a stored depth may lie from the true one: half a step of its format. `R32Float` and `Depth32Float` round
+/// relative to the value instead, which the shader adds itself.
+pub(crate) fn depth_step(format: Format) -> f32 {
+    match format {
+        Format::Depth16Unorm => 0.5 / 65535.0,
+        Format::Depth24Plus | Format::Depth24PlusStencil8 => 0.5 / 16_777_215.0,
+        _ => 0.0,
+    }
+}
+
+/// Checks that a view is of a plain 2-D texture with one layer and one sample, of a needed usage, covering the viewport.
+/// A view does not tell its own dimension, so a single layer of an array is refused with the array.
 pub(crate) fn check_plain(
     name: &'static str,
     view: &TextureView,
@@ -143,15 +149,19 @@ pub(crate) fn check_plain(
     needed: TextureUsages,
 ) -> Result<(), Error> {
     let texture = view.texture();
-    if texture.dimension() != wgpu::TextureDimension::D2 || texture.sample_count() != 1 {
+    if texture.dimension() != wgpu::TextureDimension::D2
+        || texture.depth_or_array_layers() != 1
+        || texture.sample_count() != 1
+    {
         return Err(Error::Shape {
             name,
             found: format!(
-                "dimension {:?}, {} samples a pixel",
+                "dimension {:?}, {} layers, {} samples a pixel",
                 texture.dimension(),
+                texture.depth_or_array_layers(),
                 texture.sample_count()
             ),
-            needed: "a 2-D texture with one sample a pixel",
+            needed: "a 2-D texture with one layer and one sample a pixel",
         });
     }
     if !texture.usage().contains(needed) {
@@ -181,21 +191,19 @@ fn samples_as_float(format: Format) -> bool {
         )
 }
 
-fn is_unsigned(format: Format) -> bool {
+fn is_snorm(format: Format) -> bool {
     matches!(
         format,
-        Format::R8Unorm
-            | Format::Rg8Unorm
-            | Format::Rgba8Unorm
-            | Format::Rgba8UnormSrgb
-            | Format::Bgra8Unorm
-            | Format::Bgra8UnormSrgb
-            | Format::Rgb10a2Unorm
-            | Format::R16Unorm
-            | Format::Rg16Unorm
-            | Format::Rgba16Unorm
-            | Format::Rg11b10Ufloat
-            | Format::Rgb9e5Ufloat
+        Format::R8Snorm
+            | Format::Rg8Snorm
+            | Format::Rgba8Snorm
+            | Format::R16Snorm
+            | Format::Rg16Snorm
+            | Format::Rgba16Snorm
+            | Format::Bc4RSnorm
+            | Format::Bc5RgSnorm
+            | Format::EacR11Snorm
+            | Format::EacRg11Snorm
     )
 }
 

@@ -26,6 +26,13 @@ struct Params {
 const UNSIGNED: u32 = 1u;
 const OCTAHEDRAL: u32 = 2u;
 
+// What lies farther from the eye is sky: squares of distances leave the range of f32 soon beyond.
+const FARTHEST: f32 = 1e18;
+
+fn is_near(p: vec3f) -> bool {
+  return is_finite3(p) && max_component(abs(p)) < FARTHEST;
+}
+
 // The point that a depth stands for, relative to the camera's eye; w is 0 for the sky and what no camera can see.
 fn unproject(pixel: vec2u, depth: f32) -> vec4f {
   let size = vec2f(params.camera.viewport.zw);
@@ -33,7 +40,7 @@ fn unproject(pixel: vec2u, depth: f32) -> vec4f {
   let foreground = select((depth < 1.0), (depth > 0.0), params.camera.far_depth == 0.0);
   let h = params.camera.unproject * vec4f(ndc, depth - params.camera.far_depth, 1.0);
   let p = h.xyz / h.w;
-  return select(vec4f(0.0), vec4f(p, 1.0), foreground && is_finite(depth) && h.w > 0.0 && is_finite3(p));
+  return select(vec4f(0.0), vec4f(p, 1.0), foreground && is_finite(depth) && h.w > 0.0 && is_near(p));
 }
 
 // A world-space unit normal; one that has no direction is taken to face the eye.

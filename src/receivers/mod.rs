@@ -22,6 +22,9 @@ pub(crate) const SOURCE: &str = include_str!("../../wgsl/receivers.wgsl");
 
 const LABEL: &str = "deep-screen-space receivers";
 
+/// Half a unit in the last place of an f32.
+pub(crate) const DEPTH_RELATIVE: f32 = 6e-8;
+
 /// Position and normal of each pixel of a view, 16 bytes a pixel.
 #[derive(Debug)]
 pub(crate) struct Receivers {
@@ -89,11 +92,11 @@ pub(crate) fn plane_bytes(format: TextureFormat, size: [u32; 2], layers: u32) ->
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct ReceiversParams {
-    camera: CameraParams,
-    normal_encoding: u32,
-    normal_in_view: u32,
-    depth_step: f32,
-    depth_relative: f32,
+    pub(crate) camera: CameraParams,
+    pub(crate) normal_encoding: u32,
+    pub(crate) normal_in_view: u32,
+    pub(crate) depth_step: f32,
+    pub(crate) depth_relative: f32,
 }
 
 /// The pipeline.
@@ -119,7 +122,11 @@ impl ReceiversPass {
                 ),
             ],
         );
-        let module = shader::create(device, LABEL, shader::assemble("receivers", SOURCE, &[], &[])?);
+        let module = shader::create(
+            device,
+            LABEL,
+            shader::assemble("receivers", SOURCE, &[], &[])?,
+        );
         let prepare = Kernel {
             label: LABEL,
             module: &module,
@@ -156,8 +163,7 @@ impl ReceiversPass {
                 },
                 normal_in_view: u32::from(gbuffer.normal_space == NormalSpace::View),
                 depth_step: gbuffer.depth_step(),
-                // Half a unit in the last place of an f32.
-                depth_relative: 6e-8,
+                depth_relative: DEPTH_RELATIVE,
             },
         );
         let group = binding::group(
@@ -174,6 +180,10 @@ impl ReceiversPass {
         let mut pass = compute_pass(encoder, LABEL, timestamps);
         pass.set_pipeline(&self.prepare);
         pass.set_bind_group(0, &group, &[]);
-        pass.dispatch_workgroups(receivers.size[0].div_ceil(8), receivers.size[1].div_ceil(8), 1);
+        pass.dispatch_workgroups(
+            receivers.size[0].div_ceil(8),
+            receivers.size[1].div_ceil(8),
+            1,
+        );
     }
 }

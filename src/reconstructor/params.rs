@@ -9,11 +9,11 @@ use crate::camera::{Camera, CameraParams};
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct ReconstructorParams {
-    camera: CameraParams,
-    levels: u32,
-    radius: f32,
-    plane_distance: f32,
-    normal_power: f32,
+    pub(crate) camera: CameraParams,
+    pub(crate) levels: u32,
+    pub(crate) radius: f32,
+    pub(crate) plane_distance: f32,
+    pub(crate) normal_power: f32,
 }
 
 impl ReconstructorParams {

@@ -11,8 +11,9 @@ pub struct ReconstructorSettings {
     /// How far a neighbour may lie off the pixel's tangent plane to count, in half widths of the filter at the pixel's
     /// distance, above 0. Smaller keeps finer relief, and leaves more noise on it. Default 0.25.
     pub plane_distance: f32,
-    /// Exponent of the cosine between the pixel's normal and a neighbour's, 1…1000. Larger keeps creases and curvature
-    /// sharper. Default 16.
+    /// Exponent n of the cosine c between the pixel's normal and a neighbour's, 8…1000: the neighbour counts
+    /// `(1 − (1 − c) n / 8)⁸`, which is c⁸ at 8 and close to cⁿ above, and nothing from perpendicular on. Larger keeps
+    /// creases and curvature sharper, and leaves more noise there. Default 8.
     pub normal_power: f32,
 }
 
@@ -21,7 +22,7 @@ impl Default for ReconstructorSettings {
         Self {
             radius: 1.0,
             plane_distance: 0.25,
-            normal_power: 16.0,
+            normal_power: 8.0,
         }
     }
 }
@@ -45,10 +46,10 @@ impl ReconstructorSettings {
             "above 0, finite",
         )?;
         check_setting(
-            (1.0..=1000.0).contains(&self.normal_power),
+            (8.0..=1000.0).contains(&self.normal_power),
             "ReconstructorSettings::normal_power",
             self.normal_power,
-            "1 to 1000",
+            "8 to 1000",
         )
     }
 }
