@@ -64,7 +64,10 @@ impl Effect {
 
     /// The constants as pipelines take them.
     pub(crate) fn overrides(&self) -> Vec<(&str, f64)> {
-        self.constants.iter().map(|(k, v)| (k.as_str(), *v)).collect()
+        self.constants
+            .iter()
+            .map(|(k, v)| (k.as_str(), *v))
+            .collect()
     }
 
     /// Format of the textures that hold sums: 32 bits, since sums of thousands of terms do not fit into 16.

@@ -11,6 +11,8 @@ mod error;
 mod gbuffer;
 mod geometry;
 mod gpu;
+#[cfg(test)]
+mod layout;
 mod receivers;
 mod reconstructor;
 #[cfg(feature = "reference")]
@@ -40,7 +42,7 @@ pub use shell_splatter::{
     ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatView, SurfelClusters,
     settings::SplatSettings,
 };
-pub use surfel::{CloudCapacity, Piece, SurfelCloud, SurfelCounts, Surfel, SurfelSource};
+pub use surfel::{CloudCapacity, Piece, Surfel, SurfelCloud, SurfelCounts, SurfelSource};
 pub use surfelizer::{
     Surfelizer, SurfelizerInput,
     settings::{Placement, Reach, SurfelizerSettings},

@@ -135,7 +135,15 @@ fn run(options: &Options) -> Result<(), String> {
     let path = |name: &str| options.out.join(name);
     files::write_exr(&path("ao.exr"), size[0], size[1], &rendered.visibility)?;
     files::write_png(&path("ao.png"), size[0], size[1], &rendered.visibility)?;
-    let stats = stats(&gpu, options, &rendered, &preset, size, buffers.triangles(), memory);
+    let stats = stats(
+        &gpu,
+        options,
+        &rendered,
+        &preset,
+        size,
+        buffers.triangles(),
+        memory,
+    );
     let text = serde_json::to_string_pretty(&stats).map_err(|e| e.to_string())?;
     std::fs::write(path("stats.json"), text).map_err(|e| format!("stats.json: {e}"))?;
     println!(
@@ -213,7 +221,8 @@ fn compare(
 ) -> Result<(), String> {
     let tracer = Tracer::new(&scene.positions, &scene.indices).map_err(|e| e.to_string())?;
     let receivers: Vec<Option<Receiver>> = shot.receivers(scene, &tracer);
-    let truth = tracer.ambient_occlusion_image(&receivers, f64::from(options.radius), rays, 1, true);
+    let truth =
+        tracer.ambient_occlusion_image(&receivers, f64::from(options.radius), rays, 1, true);
     let mut sum = 0.0;
     let mut bias = 0.0;
     let mut count = 0_u32;

@@ -50,7 +50,9 @@ impl Renderer {
             device,
             &ShellSplatterDescriptor {
                 effect: &effect,
-                subgroups: device.features().contains(ShellSplatter::optional_features()),
+                subgroups: device
+                    .features()
+                    .contains(ShellSplatter::optional_features()),
                 statistics,
                 cache: None,
             },

@@ -33,8 +33,10 @@ impl Gpu {
     /// Opens the first adapter that wgpu prefers; one line says why there is none.
     pub fn open(ask: Ask) -> Result<Self, String> {
         pollster::block_on(async {
-            let instance =
-                wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
+            let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
+            // lavapipe of Mesa 22.3 (Debian 12) crashes on debug labels inside command buffers.
+            descriptor.flags |= wgpu::InstanceFlags::DISCARD_HAL_LABELS;
+            let instance = wgpu::Instance::new(descriptor);
             let adapter = instance
                 .request_adapter(&wgpu::RequestAdapterOptions {
                     power_preference: wgpu::PowerPreference::HighPerformance,
@@ -73,7 +75,11 @@ impl Gpu {
     }
 
     /// A buffer with contents.
-    pub fn buffer<T: bytemuck::Pod>(&self, contents: &[T], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+    pub fn buffer<T: bytemuck::Pod>(
+        &self,
+        contents: &[T],
+        usage: wgpu::BufferUsages,
+    ) -> wgpu::Buffer {
         // Zero-sized buffers cannot be bound.
         let bytes: &[u8] = bytemuck::cast_slice(contents);
         let padded;
@@ -85,11 +91,12 @@ impl Gpu {
         } else {
             bytes
         };
-        self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: None,
-            contents: bytes,
-            usage,
-        })
+        self.device
+            .create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                label: None,
+                contents: bytes,
+                usage,
+            })
     }
 
     /// Submits and waits.
@@ -111,7 +118,8 @@ impl Gpu {
     }
 
     pub fn encoder(&self) -> wgpu::CommandEncoder {
-        self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
+        self.device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
     }
 
     /// The contents of a buffer with usage `COPY_SRC`.
@@ -138,7 +146,11 @@ impl Gpu {
             wgpu::TexelCopyTextureInfo {
                 texture,
                 mip_level: 0,
-                origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
+                origin: wgpu::Origin3d {
+                    x: 0,
+                    y: 0,
+                    z: layer,
+                },
                 aspect: wgpu::TextureAspect::All,
             },
             wgpu::TexelCopyBufferInfo {
@@ -192,7 +204,12 @@ impl Gpu {
     }
 
     /// An empty texture to render to and read back.
-    pub fn target(&self, format: wgpu::TextureFormat, width: u32, height: u32) -> wgpu::TextureView {
+    pub fn target(
+        &self,
+        format: wgpu::TextureFormat,
+        width: u32,
+        height: u32,
+    ) -> wgpu::TextureView {
         self.device
             .create_texture(&wgpu::TextureDescriptor {
                 label: None,
@@ -230,7 +247,10 @@ impl Gpu {
         self.device
             .poll(wgpu::PollType::wait_indefinitely())
             .expect("the device answers");
-        receiver.recv().expect("mapping ends").expect("the buffer maps");
+        receiver
+            .recv()
+            .expect("mapping ends")
+            .expect("the buffer maps");
         read(&staging.get_mapped_range(..).expect("the buffer is mapped"))
     }
 }

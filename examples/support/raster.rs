@@ -39,10 +39,22 @@ fn fragment(in: Vertex) -> @location(0) vec4f {
 pub fn perspective(vertical_fov_degrees: f64, aspect: f64, near: f64) -> DMat4 {
     let f = 1.0 / (vertical_fov_degrees.to_radians() / 2.0).tan();
     DMat4::from_cols_array(&[
-        f / aspect, 0.0, 0.0, 0.0, //
-        0.0, f, 0.0, 0.0, //
-        0.0, 0.0, 0.0, -1.0, //
-        0.0, 0.0, near, 0.0,
+        f / aspect,
+        0.0,
+        0.0,
+        0.0, //
+        0.0,
+        f,
+        0.0,
+        0.0, //
+        0.0,
+        0.0,
+        0.0,
+        -1.0, //
+        0.0,
+        0.0,
+        near,
+        0.0,
     ])
 }
 

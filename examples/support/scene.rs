@@ -82,8 +82,7 @@ struct BufferData<'b> {
 }
 
 fn append(scene: &mut Scene, primitive: &gltf::Primitive<'_>, world: Mat4, data: &BufferData<'_>) {
-    let reader =
-        primitive.reader(|buffer| data.external[buffer.index()].as_deref().or(data.blob));
+    let reader = primitive.reader(|buffer| data.external[buffer.index()].as_deref().or(data.blob));
     let Some(positions) = reader.read_positions() else {
         return;
     };
@@ -91,23 +90,31 @@ fn append(scene: &mut Scene, primitive: &gltf::Primitive<'_>, world: Mat4, data:
         return;
     }
     let base = scene.positions.len();
-    let positions: Vec<Vec3> = positions.map(|p| world.transform_point3(p.into())).collect();
+    let positions: Vec<Vec3> = positions
+        .map(|p| world.transform_point3(p.into()))
+        .collect();
     let indices: Vec<usize> = match reader.read_indices() {
         Some(indices) => indices.into_u32().map(|i| i as usize).collect(),
         None => (0..positions.len()).collect(),
     };
     let to_normal = Mat3::from_mat4(world).inverse().transpose();
     let normals: Vec<Vec3> = match reader.read_normals() {
-        Some(normals) => normals.map(|n| (to_normal * Vec3::from(n)).normalize_or_zero()).collect(),
+        Some(normals) => normals
+            .map(|n| (to_normal * Vec3::from(n)).normalize_or_zero())
+            .collect(),
         None => smooth_normals(&positions, &indices),
     };
     let first_index = scene.indices.len() as u32;
     let mirrored = world.determinant() < 0.0;
     for corner in indices.chunks_exact(3) {
         let [a, b, c] = [corner[0], corner[1], corner[2]].map(|i| (base + i) as u32);
-        scene.indices.extend(if mirrored { [a, c, b] } else { [a, b, c] });
+        scene
+            .indices
+            .extend(if mirrored { [a, c, b] } else { [a, b, c] });
     }
-    scene.positions.extend(positions.iter().map(|p| p.to_array()));
+    scene
+        .positions
+        .extend(positions.iter().map(|p| p.to_array()));
     scene.normals.extend(normals.iter().map(|n| n.to_array()));
     scene.parts.push(Part {
         first_index,

@@ -21,7 +21,10 @@ pub(crate) const READ: BindingType = buffer(BufferBindingType::Storage { read_on
 /// `var<storage, read_write>`.
 pub(crate) const WRITE: BindingType = buffer(BufferBindingType::Storage { read_only: false });
 
-const fn texture(sample_type: TextureSampleType, view_dimension: TextureViewDimension) -> BindingType {
+const fn texture(
+    sample_type: TextureSampleType,
+    view_dimension: TextureViewDimension,
+) -> BindingType {
     BindingType::Texture {
         sample_type,
         view_dimension,
@@ -43,7 +46,10 @@ pub(crate) const FLOAT_ARRAY: BindingType = texture(
 pub(crate) const UINT_2D: BindingType = texture(TextureSampleType::Uint, TextureViewDimension::D2);
 
 /// `texture_storage_2d<format, write>`, or the array of it.
-pub(crate) const fn store(format: TextureFormat, view_dimension: TextureViewDimension) -> BindingType {
+pub(crate) const fn store(
+    format: TextureFormat,
+    view_dimension: TextureViewDimension,
+) -> BindingType {
     BindingType::StorageTexture {
         access: StorageTextureAccess::WriteOnly,
         format,

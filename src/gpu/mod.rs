@@ -85,7 +85,8 @@ pub(crate) struct Kernel<'a> {
 
 impl Kernel<'_> {
     pub fn create(&self, device: &Device) -> ComputePipeline {
-        let layouts: Vec<Option<&BindGroupLayout>> = self.layouts.iter().copied().map(Some).collect();
+        let layouts: Vec<Option<&BindGroupLayout>> =
+            self.layouts.iter().copied().map(Some).collect();
         let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some(self.label),
             bind_group_layouts: &layouts,

@@ -1,6 +1,8 @@
 //! Exclusive prefix sums on the GPU (`wgsl/scan.wgsl`).
 
-use wgpu::{BindGroup, BufferUsages, ComputePass, ComputePipeline, Device, PipelineCache, ShaderStages};
+use wgpu::{
+    BindGroup, BufferUsages, ComputePass, ComputePipeline, Device, PipelineCache, ShaderStages,
+};
 
 use super::{Kernel, binding, dispatch, shader, storage};
 use crate::error::Error;
@@ -61,7 +63,12 @@ impl Scan {
     }
 
     /// Room for `count` values and their total.
-    pub fn buffer(&self, device: &Device, label: &'static str, count: u32) -> Result<ScanBuffer, Error> {
+    pub fn buffer(
+        &self,
+        device: &Device,
+        label: &'static str,
+        count: u32,
+    ) -> Result<ScanBuffer, Error> {
         let bytes = |n: u32| 4 * u64::from(n);
         let values = storage(
             device,
@@ -73,7 +80,12 @@ impl Scan {
         let mut totals = Vec::new();
         loop {
             let blocks = length.div_ceil(BLOCK);
-            totals.push(storage(device, label, bytes(blocks), BufferUsages::empty())?);
+            totals.push(storage(
+                device,
+                label,
+                bytes(blocks),
+                BufferUsages::empty(),
+            )?);
             length = blocks;
             if blocks == 1 {
                 break;

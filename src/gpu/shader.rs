@@ -56,11 +56,14 @@ fn append(
         match (words.next(), words.next()) {
             (Some("#if"), Some(flag)) => open.push(flags.contains(&flag)),
             (Some("#else"), None) => {
-                let last = open.last_mut().ok_or_else(|| bad("has #else without #if".into()))?;
+                let last = open
+                    .last_mut()
+                    .ok_or_else(|| bad("has #else without #if".into()))?;
                 *last = !*last;
             }
             (Some("#endif"), None) => {
-                open.pop().ok_or_else(|| bad("has #endif without #if".into()))?;
+                open.pop()
+                    .ok_or_else(|| bad("has #endif without #if".into()))?;
             }
             (Some("#import"), Some(module)) if kept => {
                 let (key, body) = snippets

@@ -49,7 +49,11 @@ impl Effect for crate::AmbientOcclusion {
     ) -> f64 {
         let receiver_side = receiver_normal.dot(to_sender).max(0.0);
         let facing = -sender.normal.dot(to_sender);
-        let sender_side = if self.two_sided { facing.abs() } else { facing.max(0.0) };
+        let sender_side = if self.two_sided {
+            facing.abs()
+        } else {
+            facing.max(0.0)
+        };
         let ratio = distance2 / sender.radius.max(1e-18);
         receiver_side * sender_side
             / (distance2.max(1e-30) * (1.0 + ratio / sender.radius.max(1e-18)))

@@ -4,10 +4,13 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::effects::{Effect, Sender};
+use super::{
+    effects::{Effect, Sender},
+    hashing::hash2,
+};
 use crate::{
-    shell_splatter::{params::UNBOUNDED, settings::MIN_EPSILON},
     SplatSettings,
+    shell_splatter::{params::UNBOUNDED, settings::MIN_EPSILON},
 };
 
 /// A surfel in the cloud's eye space.
@@ -38,19 +41,6 @@ pub struct LevelSum<S> {
     pub at_a_bound: S,
     /// Surfels within their shell.
     pub in_shell: u32,
-}
-
-fn hash(value: u32) -> u32 {
-    let mut x = value;
-    x ^= x >> 16;
-    x = x.wrapping_mul(0x7feb_352d);
-    x ^= x >> 15;
-    x = x.wrapping_mul(0x846c_a68b);
-    x ^ (x >> 16)
-}
-
-fn hash2(a: u32, b: u32) -> u32 {
-    hash(a ^ hash(b.wrapping_add(0x9e37_79b9)))
 }
 
 /// A permutation of 0 … 4^level − 1, keyed.

@@ -100,6 +100,12 @@ impl SplatView {
         &self.sums
     }
 
+    /// The receivers: `Rgba32Uint`, in xyz the bits of the position in the cloud's eye space, in w the octahedral
+    /// normal as two snorm16, or `0x8000_8000` for the sky (usages `TEXTURE_BINDING | COPY_SRC`).
+    pub fn receivers(&self) -> &TextureView {
+        &self.receivers.view
+    }
+
     /// What the last recording counted, where the splatter was made to: four `u32` a level, namely pairs evaluated,
     /// those within their shell, those of them that contributed, and an unused one (usage `COPY_SRC`).
     pub fn statistics(&self) -> Option<&Buffer> {
@@ -182,7 +188,11 @@ impl ShellSplatter {
 
         let module = |variant| -> Result<_, Error> {
             let source = source(effect, variant)?;
-            Ok(shader::create(device, &label(effect, "shell splatter"), source))
+            Ok(shader::create(
+                device,
+                &label(effect, "shell splatter"),
+                source,
+            ))
         };
         let build_module = module(SplatVariant::Build)?;
         let splat_module = module(SplatVariant::Splat {
@@ -218,9 +228,17 @@ impl ShellSplatter {
     pub fn reach(settings: &SplatSettings) -> Reach {
         let epsilon = settings.epsilon.max(MIN_EPSILON);
         let radii = (1.0 / epsilon - 1.0).max(0.0).sqrt()
-            * (1_u32 << settings.levels.clamp(1, settings::MAX_LEVELS).saturating_sub(1)) as f32;
+            * (1_u32
+                << settings
+                    .levels
+                    .clamp(1, settings::MAX_LEVELS)
+                    .saturating_sub(1)) as f32;
         Reach {
-            radii: if settings.unbounded { f32::INFINITY } else { radii },
+            radii: if settings.unbounded {
+                f32::INFINITY
+            } else {
+                radii
+            },
             world: settings.radius,
         }
     }
@@ -309,7 +327,11 @@ impl ShellSplatter {
         let mut pass = compute_pass(encoder, &label(&self.effect, "clusters"), timestamps);
         for level in 0..settings.levels {
             let place = clusters.places[level as usize];
-            let params = uniform(device, LABEL, &SplatParams::new(settings, level, [1, 1], place));
+            let params = uniform(
+                device,
+                LABEL,
+                &SplatParams::new(settings, level, [1, 1], place),
+            );
             let mut resources = vec![
                 (0, whole(&params)),
                 (1, whole(&cloud.surfels)),
@@ -320,7 +342,12 @@ impl ShellSplatter {
             resources.extend(materials.map(|m| (7, whole(m))));
             let group = binding::group(device, LABEL, &self.build_layout, &resources);
             let threads = |per_sub_buffer: u32| (per_sub_buffer << (2 * level)).div_ceil(WORKGROUP);
-            dispatch(&mut pass, &self.build_clusters, &group, threads(place.clusters));
+            dispatch(
+                &mut pass,
+                &self.build_clusters,
+                &group,
+                threads(place.clusters),
+            );
             dispatch(&mut pass, &self.build_groups, &group, threads(place.groups));
         }
         drop(pass);
@@ -353,7 +380,12 @@ impl ShellSplatter {
         {
             return Err(Error::Mismatch {
                 name: "SplatView",
-                found: format!("{:?} pixels, {} levels, {:?}", view.size(), view.levels, view.format),
+                found: format!(
+                    "{:?} pixels, {} levels, {:?}",
+                    view.size(),
+                    view.levels,
+                    view.format
+                ),
                 needed: format!(
                     "{:?} pixels, {} levels, {:?}",
                     [viewport.width, viewport.height],
@@ -394,7 +426,12 @@ impl ShellSplatter {
                 resources.push((8, whole(statistics)));
             }
             let group = binding::group(device, LABEL, &self.splat_layout, &resources);
-            dispatch(&mut pass, &self.splat, &group, params.tiles_of_all_sub_buffers());
+            dispatch(
+                &mut pass,
+                &self.splat,
+                &group,
+                params.tiles_of_all_sub_buffers(),
+            );
         }
         drop(pass);
         encoder.pop_debug_group();
@@ -412,14 +449,24 @@ impl ShellSplatter {
         {
             return Err(Error::Mismatch {
                 name: "SurfelClusters",
-                found: format!("{} surfels, {} levels", clusters.capacity, clusters.places.len()),
-                needed: format!("{} surfels, {} levels", cloud.capacity.surfels, settings.levels),
+                found: format!(
+                    "{} surfels, {} levels",
+                    clusters.capacity,
+                    clusters.places.len()
+                ),
+                needed: format!(
+                    "{} surfels, {} levels",
+                    cloud.capacity.surfels, settings.levels
+                ),
             });
         }
         Ok(())
     }
 
-    fn check_materials<'m>(&self, materials: Option<&'m Buffer>) -> Result<Option<&'m Buffer>, Error> {
+    fn check_materials<'m>(
+        &self,
+        materials: Option<&'m Buffer>,
+    ) -> Result<Option<&'m Buffer>, Error> {
         if !self.effect.materials {
             return Ok(None);
         }
@@ -430,7 +477,11 @@ impl ShellSplatter {
         };
         let buffer = materials.ok_or_else(|| problem("not been given".into()))?;
         if !buffer.usage().contains(BufferUsages::STORAGE) || buffer.size() < 32 {
-            return Err(problem(format!("usage {:?}, {} bytes", buffer.usage(), buffer.size())));
+            return Err(problem(format!(
+                "usage {:?}, {} bytes",
+                buffer.usage(),
+                buffer.size()
+            )));
         }
         Ok(Some(buffer))
     }
@@ -456,7 +507,12 @@ pub(crate) fn source(effect: &Effect, variant: SplatVariant) -> Result<String, E
             flags.extend(statistics.then_some("STATISTICS"));
         }
     }
-    shader::assemble("shell_splatter", SOURCE, &flags, &[("effect", effect.source.as_ref())])
+    shader::assemble(
+        "shell_splatter",
+        SOURCE,
+        &flags,
+        &[("effect", effect.source.as_ref())],
+    )
 }
 
 fn label(effect: &Effect, what: &str) -> String {

@@ -17,19 +17,19 @@ pub(crate) const UNBOUNDED: f32 = 1e18;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct SplatParams {
-    size: [u32; 2],
-    sub_size: [u32; 2],
-    tiles: [u32; 2],
-    level: u32,
-    unbounded: u32,
-    epsilon: f32,
-    world_radius: f32,
-    seed: u32,
-    clusters: u32,
-    first_cluster: u32,
-    groups: u32,
-    first_group: u32,
-    padding: u32,
+    pub(crate) size: [u32; 2],
+    pub(crate) sub_size: [u32; 2],
+    pub(crate) tiles: [u32; 2],
+    pub(crate) level: u32,
+    pub(crate) unbounded: u32,
+    pub(crate) epsilon: f32,
+    pub(crate) world_radius: f32,
+    pub(crate) seed: u32,
+    pub(crate) clusters: u32,
+    pub(crate) first_cluster: u32,
+    pub(crate) groups: u32,
+    pub(crate) first_group: u32,
+    pub(crate) padding: u32,
 }
 
 impl SplatParams {

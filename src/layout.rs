@@ -1,0 +1,141 @@
+//! Tests only: every struct that the GPU reads has the offsets that naga finds in the WGSL.
+
+use std::mem::offset_of;
+
+use crate::{
+    AmbientOcclusion, Channels, Effect, Material, Piece, SurfelCounts, SurfelSource,
+    camera::CameraParams,
+    receivers::ReceiversParams,
+    reconstructor::params::ReconstructorParams,
+    shaders,
+    shell_splatter::params::SplatParams,
+    surfelizer::params::{MeshParams, SurfelizerParams},
+};
+
+/// Name and offset of each field of a Rust struct.
+macro_rules! fields {
+    ($type:ty: $($field:ident),*) => {
+        vec![$((stringify!($field), offset_of!($type, $field))),*]
+    };
+}
+
+/// The struct `name` of the first shader whose name begins with `shader`: offsets of its members, and its size.
+fn reflect(effect: &Effect, shader: &str, name: &str) -> (Vec<(String, usize)>, usize) {
+    let all = shaders(effect).expect("well-formed directives");
+    let found = all
+        .iter()
+        .find(|s| s.name.starts_with(shader))
+        .expect("a shader");
+    let module = naga::front::wgsl::parse_str(&found.source).expect("valid WGSL");
+    module
+        .types
+        .iter()
+        .find_map(|(_, ty)| match (&ty.name, &ty.inner) {
+            (Some(n), naga::TypeInner::Struct { members, span }) if n == name => Some((
+                members
+                    .iter()
+                    .map(|m| (m.name.clone().unwrap_or_default(), m.offset as usize))
+                    .collect(),
+                *span as usize,
+            )),
+            _ => None,
+        })
+        .unwrap_or_else(|| panic!("{shader} has no struct {name}"))
+}
+
+/// `padding` fields are compared by position only: WGSL has scalars where Rust has arrays.
+fn check(effect: &Effect, shader: &str, name: &str, fields: &[(&str, usize)], size: usize) {
+    let (members, span) = reflect(effect, shader, name);
+    assert_eq!(span, size, "{shader}: size of {name}");
+    let real = |list: Vec<(String, usize)>| -> Vec<(String, usize)> {
+        list.into_iter()
+            .filter(|(n, _)| !n.starts_with("padding"))
+            .collect()
+    };
+    let fields = fields.iter().map(|(n, o)| ((*n).to_owned(), *o)).collect();
+    assert_eq!(real(members), real(fields), "{shader}: {name}");
+}
+
+#[test]
+fn structs_match_the_shaders() {
+    let ao = AmbientOcclusion::default().effect();
+    let camera = fields!(CameraParams: unproject, view_to_world, eye, far_depth, viewport, pixel, near, perspective);
+    for shader in [
+        "surfelizer",
+        "receivers",
+        "reconstructor smooth",
+        "reconstructor",
+    ] {
+        check(&ao, shader, "Camera", &camera, size_of::<CameraParams>());
+    }
+    let params = fields!(SurfelizerParams: camera, planes, view_count, triangle_count, piece_capacity, surfel_capacity,
+        radius_pixels, density, reach_radii, reach_world, origin_high, placement, origin_low, without_vertices);
+    check(
+        &ao,
+        "surfelizer",
+        "Params",
+        &params,
+        size_of::<SurfelizerParams>(),
+    );
+    let mesh = fields!(MeshParams: vertex_offset, vertex_stride, vertex_format, vertex_count, index_offset, index_format,
+        base_vertex, triangles, instance_offset, instance_stride, instance_format, instances, first_triangle, material);
+    check(&ao, "surfelizer", "Mesh", &mesh, size_of::<MeshParams>());
+    let receivers = fields!(ReceiversParams: camera, normal_encoding, normal_in_view, depth_step, depth_relative);
+    check(
+        &ao,
+        "receivers",
+        "Params",
+        &receivers,
+        size_of::<ReceiversParams>(),
+    );
+    let splat = fields!(SplatParams: size, sub_size, tiles, level, unbounded, epsilon, world_radius, seed, clusters,
+        first_cluster, groups, first_group);
+    for shader in ["shell_splatter build", "shell_splatter splat"] {
+        check(&ao, shader, "Params", &splat, size_of::<SplatParams>());
+        check(
+            &ao,
+            shader,
+            "SurfelSource",
+            &fields!(SurfelSource: normal, piece, leaf, material),
+            size_of::<SurfelSource>(),
+        );
+        check(
+            &ao,
+            shader,
+            "Counters",
+            &fields!(SurfelCounts: pieces, surfels, rejected, stored),
+            size_of::<SurfelCounts>(),
+        );
+    }
+    let reconstructor =
+        fields!(ReconstructorParams: camera, levels, radius, plane_distance, normal_power);
+    for shader in ["reconstructor smooth", "reconstructor"] {
+        check(
+            &ao,
+            shader,
+            "Params",
+            &reconstructor,
+            size_of::<ReconstructorParams>(),
+        );
+    }
+    check(
+        &ao,
+        "surfelizer",
+        "Piece",
+        &fields!(Piece: a, material, b, shape, c, triangle),
+        size_of::<Piece>(),
+    );
+    let lit = Effect {
+        source: "fn max_distance(s: Sender, e: f32) -> f32 { return s.material.albedo.x; }".into(),
+        channels: Channels::Three,
+        materials: true,
+        ..ao
+    };
+    check(
+        &lit,
+        "shell_splatter build",
+        "Material",
+        &fields!(Material: albedo, emission),
+        size_of::<Material>(),
+    );
+}

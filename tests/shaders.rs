@@ -1,0 +1,125 @@
+//! Every WGSL variant parses and validates without a GPU, with exactly the capabilities that it asks for. The texts are
+//! left in `target/wgsl` for `scripts/browser_check.py`.
+
+use std::{fs, path::Path};
+
+use deep_screen_space::{
+    AmbientOcclusion, Channels, Effect, Overlap, Shader, shaders, wgpu::Features,
+};
+use naga::valid::{Capabilities, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator};
+
+/// An effect that uses everything an effect can.
+fn everything() -> Effect {
+    Effect {
+        label: "everything".into(),
+        source: "
+fn max_distance(sender: Sender, epsilon: f32) -> f32 {
+  return sender.radius / epsilon;
+}
+fn contribution(sender: Sender, receiver_normal: vec3f, to_sender: vec3f, distance2: f32) -> vec3f {
+  return sender.material.emission * sender.material.albedo * max(dot(receiver_normal, to_sender), 0.0);
+}
+fn resolve(sum: vec3f, albedo: vec3f) -> vec4f {
+  return vec4f(sum * albedo, 1.0);
+}
+"
+        .into(),
+        channels: Channels::Three,
+        materials: true,
+        albedo: true,
+        two_sided: true,
+        constants: Vec::new(),
+    }
+}
+
+fn variants() -> Vec<Shader> {
+    let mut all = Vec::new();
+    for effect in [
+        AmbientOcclusion::default().effect(),
+        AmbientOcclusion {
+            two_sided: true,
+            overlap: Overlap::Independent,
+        }
+        .effect(),
+        everything(),
+    ] {
+        for shader in shaders(&effect).expect("well-formed directives") {
+            let name = format!(
+                "{} for {}{}",
+                shader.name,
+                effect.label,
+                if effect.two_sided { " two-sided" } else { "" }
+            );
+            all.push(Shader { name, ..shader });
+        }
+    }
+    all
+}
+
+fn validate(shader: &Shader, capabilities: Capabilities) -> Result<(), String> {
+    let module = naga::front::wgsl::parse_str(&shader.source)
+        .map_err(|e| e.emit_to_string(&shader.source))?;
+    Validator::new(ValidationFlags::all(), capabilities)
+        .subgroup_stages(ShaderStages::COMPUTE)
+        .subgroup_operations(SubgroupOperationSet::all())
+        .validate(&module)
+        .map(|_| ())
+        .map_err(|e| e.emit_to_string(&shader.source))
+}
+
+/// `unpack2x16float`: part of WebGPU itself, lacking only on downlevel devices (`DownlevelFlags::SHADER_F16_IN_F32`).
+const FLOOR: Capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32;
+
+fn capabilities(features: Features) -> Capabilities {
+    if features.contains(Features::SUBGROUP) {
+        FLOOR | Capabilities::SUBGROUP
+    } else {
+        FLOOR
+    }
+}
+
+#[test]
+fn every_variant_validates_with_the_capabilities_it_asks_for() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("../wgsl");
+    fs::create_dir_all(&folder).expect("target can be written");
+    for shader in variants() {
+        if let Err(problem) = validate(&shader, capabilities(shader.features)) {
+            panic!("{}:\n{problem}", shader.name);
+        }
+        let header = if shader.features.contains(Features::SUBGROUP) {
+            "// requires: subgroups\n"
+        } else {
+            ""
+        };
+        let file = folder.join(format!("{}.wgsl", shader.name.replace(' ', "_")));
+        fs::write(file, format!("{header}{}", shader.source)).expect("target can be written");
+    }
+}
+
+#[test]
+fn features_are_neither_missing_nor_superfluous() {
+    for shader in variants() {
+        let without = validate(&shader, FLOOR);
+        assert_eq!(
+            without.is_err(),
+            !shader.features.is_empty(),
+            "{}",
+            shader.name
+        );
+    }
+}
+
+#[test]
+fn malformed_effects_are_typed_errors() {
+    for source in ["#if MATERIAL\n", "#endif\n", "#else\n", "#import nothing\n"] {
+        let effect = Effect {
+            source: source.into(),
+            ..everything()
+        };
+        let refused = shaders(&effect);
+        assert!(
+            matches!(refused, Err(deep_screen_space::Error::Effect { .. })),
+            "{source}: {refused:?}"
+        );
+    }
+}
