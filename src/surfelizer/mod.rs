@@ -200,10 +200,11 @@ impl Surfelizer {
         );
 
         cloud.origin = input.camera.eye();
-        encoder.push_debug_group(LABEL);
         encoder.clear_buffer(&cloud.counters, 0, None);
         encoder.clear_buffer(&cloud.triangle_offsets.values, 0, None);
         encoder.clear_buffer(&cloud.piece_offsets.values, 0, None);
+        // The pass's label is its debug group. One on the encoder would begin and end in two of the command buffers that
+        // wgpu cuts an encoder into, which Mesa 22.3's lavapipe does not survive at the second recording.
         let mut pass = compute_pass(encoder, LABEL, input.timestamps);
         pass.set_bind_group(0, &cloud_group, &[]);
         let each_mesh = |pass: &mut wgpu::ComputePass<'_>, pipeline| {
@@ -226,8 +227,6 @@ impl Surfelizer {
         pass.set_bind_group(1, &surfel_group, &[]);
         let [x, y, z] = dispatch_rows(cloud.capacity.surfels.div_ceil(WORKGROUP));
         pass.dispatch_workgroups(x, y, z);
-        drop(pass);
-        encoder.pop_debug_group();
         Ok(())
     }
 
