@@ -219,7 +219,10 @@ impl Params {
             return Verdict::Cull;
         }
         if self.footprint.perspective {
-            let edge = t.a.distance(t.b).max(t.b.distance(t.c)).max(t.c.distance(t.a));
+            let edge =
+                t.a.distance(t.b)
+                    .max(t.b.distance(t.c))
+                    .max(t.c.distance(t.a));
             if edge > PIECE_EXTENT * centroid(t).length().max(self.footprint.near) {
                 return Verdict::Split;
             }
@@ -274,7 +277,15 @@ impl Params {
         }
     }
 
-    fn place(&self, t: Triangle, normal: DVec3, shape: u32, leaf: u32, key: u32, radius: f64) -> DVec3 {
+    fn place(
+        &self,
+        t: Triangle,
+        normal: DVec3,
+        shape: u32,
+        leaf: u32,
+        key: u32,
+        radius: f64,
+    ) -> DVec3 {
         if shape & SHAPE_SMALL != 0 {
             return centroid(t);
         }
@@ -301,11 +312,15 @@ impl Params {
 }
 
 fn bisections(a: f64) -> u32 {
-    (a.log2() + 0.5).floor().clamp(0.0, f64::from(MAX_CLAMPED_ORDER)) as u32
+    (a.log2() + 0.5)
+        .floor()
+        .clamp(0.0, f64::from(MAX_CLAMPED_ORDER)) as u32
 }
 
 fn grid_level(a: f64) -> u32 {
-    ((12.0 * a - 3.0).max(0.0).sqrt() / 3.0 - 1.0).ceil().clamp(1.0, 1000.0) as u32
+    ((12.0 * a - 3.0).max(0.0).sqrt() / 3.0 - 1.0)
+        .ceil()
+        .clamp(1.0, 1000.0) as u32
 }
 
 fn fetch(corners: [DVec3; 3], origin: DVec3) -> Triangle {
@@ -509,8 +524,12 @@ fn emit_surfel(
         let r = params.target_radius(centroid(t));
         radius = radius.max(r / params.density.sqrt());
     }
-    radius *= (f64::from(counts.surfels) / f64::from(capacity.surfels)).max(1.0).sqrt()
-        * (f64::from(counts.pieces) / f64::from(capacity.pieces)).max(1.0).sqrt();
+    radius *= (f64::from(counts.surfels) / f64::from(capacity.surfels))
+        .max(1.0)
+        .sqrt()
+        * (f64::from(counts.pieces) / f64::from(capacity.pieces))
+            .max(1.0)
+            .sqrt();
 
     let key = hash2(hash2(piece.triangle, piece.shape >> SHAPE_PATH_SHIFT), leaf);
     Surfel {
