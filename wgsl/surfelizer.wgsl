@@ -477,6 +477,8 @@ fn walk(root: Triangle, triangle: u32, write: bool, first_piece: u32) -> u32 {
     // On to the next node to the right: up past the second halves, over to the second half of the first that is open.
     while path.depth > 0u && path_side(path, path.depth - 1u) == 1u {
       path.depth--;
+      // No bit of where the walk has been stays behind: the hash of a path is that of its node alone.
+      path = path_with(path, path.depth, 0u);
     }
     if path.depth == 0u {
       break;

@@ -268,6 +268,7 @@ impl Params {
             }
             while path.depth > 0 && path.side(path.depth - 1) == 1 {
                 path.depth -= 1;
+                path.set(path.depth, 0);
             }
             if path.depth == 0 {
                 break;

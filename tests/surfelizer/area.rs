@@ -119,27 +119,26 @@ fn thinning_keeps_the_expected_area() {
     }
 }
 
-/// Small triangles of one size, thinned to a tenth: as good as it gets, and the paper's inverse probability would be ten
-/// times off.
+/// Small triangles thinned to some hundredths, on average over distances: one cloud of 1000 kept disks scatters by 3 %. The
+/// paper's inverse probability would be ten times off.
 #[test]
 fn a_fine_sphere_keeps_its_area() {
     let soup = Soup::of(&sphere(DVec3::ZERO, 1.0, 100));
-    for (density, distance) in [(1.0, 6.0), (4.0, 12.0), (1.0, 9.0)] {
-        let camera = look_at(
-            DVec3::new(0.0, 0.0, distance),
-            DVec3::ZERO,
-            perspective(60.0, 1.0, 0.1),
-        );
-        let mut task = task(&camera, density, Placement::Centroid);
-        task.settings.radius_pixels = 1.0;
-        let cloud = fixture().record_soup(&soup, &task);
-        let ratio = disk_area(&cloud) / soup.area();
-        println!("density {density}, distance {distance}: {:?}, area {ratio:.5}", cloud.counts);
-        assert!(cloud.counts.stored < 12_000, "{:?}", cloud.counts);
-        assert!(
-            (ratio - 1.0).abs() < 0.01,
-            "density {density}, distance {distance}: area {ratio}"
-        );
+    for density in [1.0, 4.0] {
+        let ratios: Vec<f64> = (0..24)
+            .map(|step| {
+                let eye = DVec3::new(0.0, 0.0, 5.0 + 0.37 * f64::from(step));
+                let camera = look_at(eye, DVec3::ZERO, perspective(60.0, 1.0, 0.1));
+                let mut task = task(&camera, density, Placement::Centroid);
+                task.settings.radius_pixels = 1.0;
+                let cloud = fixture().record_soup(&soup, &task);
+                assert!(cloud.counts.stored < 6_000, "{:?}", cloud.counts);
+                disk_area(&cloud) / soup.area()
+            })
+            .collect();
+        let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
+        println!("density {density}: mean {mean:.5} of {ratios:.4?}");
+        assert!((mean - 1.0).abs() < 0.01, "density {density}: {mean} of {ratios:?}");
     }
 }
 
