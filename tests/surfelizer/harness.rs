@@ -216,21 +216,26 @@ pub struct Uploaded {
 
 impl Uploaded {
     pub fn mesh(&self) -> Mesh<'_> {
-        Mesh {
-            vertices: Vertices {
-                buffer: &self.buffer,
-                offset: 0,
-                stride: 12,
-                format: PositionFormat::Float32x3,
-                count: self.vertices,
-            },
-            indices: None,
-            first: 0,
-            count: self.vertices,
-            base_vertex: 0,
-            instances: None,
-            material: 0,
-        }
+        plain_mesh(&self.buffer, self.vertices)
+    }
+}
+
+/// Three f32 a vertex, in order.
+pub fn plain_mesh(buffer: &wgpu::Buffer, vertices: u32) -> Mesh<'_> {
+    Mesh {
+        vertices: Vertices {
+            buffer,
+            offset: 0,
+            stride: 12,
+            format: PositionFormat::Float32x3,
+            count: vertices,
+        },
+        indices: None,
+        first: 0,
+        count: vertices,
+        base_vertex: 0,
+        instances: None,
+        material: 0,
     }
 }
 
