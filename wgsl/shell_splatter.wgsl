@@ -7,6 +7,7 @@
 // Surfels are in order of emission and so near their neighbours; 16 successive ones of a sub-buffer form a cluster and
 // 64 clusters a group, each with bounds, which a tile tests before it loads a surfel.
 //
+//   plan            one workgroup: how many workgroups the next two need on each level
 //   build_clusters  a thread a cluster
 //   build_groups    a thread a group
 //   splat           a workgroup a tile of 32x16 pixels of a sub-buffer: 8 units of 8x8, 8 threads a unit, 8 pixels a
@@ -61,6 +62,8 @@ struct Cluster {
 @group(0) @binding(3) var<storage, read> counters: Counters;
 #if BUILD
 @group(0) @binding(4) var<storage, read_write> clusters: array<Cluster>;
+// Two indirect dispatches a level.
+@group(0) @binding(9) var<storage, read_write> dispatches: array<u32>;
 #else
 @group(0) @binding(4) var<storage, read> clusters: array<Cluster>;
 @group(0) @binding(5) var receivers: texture_2d<u32>;
@@ -107,12 +110,20 @@ fn shell(sender: Sender) -> vec2f {
 }
 
 // How many surfels a sub-buffer has: they are dealt in turn.
-fn surfels_in(sub_buffer: u32) -> u32 {
+fn surfels_of_level(sub_buffer: u32, level: u32) -> u32 {
   let stored = counters.stored;
   if sub_buffer >= stored {
     return 0u;
   }
-  return ((stored - sub_buffer - 1u) >> (2u * params.level)) + 1u;
+  return ((stored - sub_buffer - 1u) >> (2u * level)) + 1u;
+}
+
+fn surfels_in(sub_buffer: u32) -> u32 {
+  return surfels_of_level(sub_buffer, params.level);
+}
+
+fn divide_up(a: u32, b: u32) -> u32 {
+  return (a + b - 1u) / b;
 }
 
 fn surfel_index(sub_buffer: u32, rank: u32) -> u32 {
@@ -139,14 +150,33 @@ fn empty_cluster() -> Cluster {
   return Cluster(vec3f(MAX_F32), -1.0, vec3f(-MAX_F32), 0u);
 }
 
+fn plan_dispatch(at: u32, threads: u32) {
+  let workgroups = divide_up(threads, 64u);
+  dispatches[at] = min(workgroups, DISPATCH_ROW);
+  dispatches[at + 1u] = divide_up(workgroups, DISPATCH_ROW);
+  dispatches[at + 2u] = 1u;
+}
+
+@compute @workgroup_size(8)
+fn plan(@builtin(local_invocation_index) level: u32) {
+  if level * 6u < arrayLength(&dispatches) {
+    // Sub-buffer 0 has the most.
+    let clusters_each = divide_up(surfels_of_level(0u, level), CLUSTER);
+    plan_dispatch(level * 6u, clusters_each << (2u * level));
+    plan_dispatch(level * 6u + 3u, divide_up(clusters_each, GROUP) << (2u * level));
+  }
+}
+
 @compute @workgroup_size(64)
 fn build_clusters(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) thread: u32) {
   let i = linear_workgroup(workgroup) * 64u + thread;
-  let sub_buffer = i / params.clusters;
+  let clusters_each = divide_up(surfels_in(0u), CLUSTER);
+  let sub_buffer = i / clusters_each;
   if sub_buffer >= (1u << (2u * params.level)) {
     return;
   }
-  let first = (i % params.clusters) * CLUSTER;
+  let number = i % clusters_each;
+  let first = number * CLUSTER;
   let end = min(first + CLUSTER, surfels_in(sub_buffer));
   var cluster = empty_cluster();
   var normal_low = vec3f(1.0);
@@ -165,18 +195,20 @@ fn build_clusters(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invoca
     }
   }
   cluster.normals = pack_bounds(normal_low, normal_high);
-  clusters[params.first_cluster + i] = cluster;
+  clusters[params.first_cluster + sub_buffer * params.clusters + number] = cluster;
 }
 
 @compute @workgroup_size(64)
 fn build_groups(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) thread: u32) {
   let i = linear_workgroup(workgroup) * 64u + thread;
-  let sub_buffer = i / params.groups;
+  let groups_each = divide_up(divide_up(surfels_in(0u), CLUSTER), GROUP);
+  let sub_buffer = i / groups_each;
   if sub_buffer >= (1u << (2u * params.level)) {
     return;
   }
-  let first = (i % params.groups) * GROUP;
-  let end = min(first + GROUP, params.clusters);
+  let number = i % groups_each;
+  let first = number * GROUP;
+  let end = min(first + GROUP, divide_up(surfels_in(sub_buffer), CLUSTER));
   var group = empty_cluster();
   var normal_low = vec3f(1.0);
   var normal_high = vec3f(-1.0);
@@ -191,7 +223,7 @@ fn build_groups(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocati
     }
   }
   group.normals = pack_bounds(normal_low, normal_high);
-  clusters[params.first_group + i] = group;
+  clusters[params.first_group + sub_buffer * params.groups + number] = group;
 }
 
 #else
@@ -274,17 +306,62 @@ fn surfel_may_affect(center: vec3f, normal: vec3f, reach2: f32, box: Box) -> boo
 #endif
 }
 
+// A pixel of this thread.
+struct Pixel {
+  position: vec3f,
+  // 1 where it has a place in the image.
+  inside: u32,
+  normal: vec3f,
+  // x in the lower half, y in the upper.
+  at: u32,
+}
+
+fn load_pixel(row: vec2u, i: u32, sub_buffer: u32) -> Pixel {
+  let block = row + vec2u(i, 0u);
+  let at = pixel_of(block, sub_buffer, params.level, params.seed);
+  // Far outside of every bounded shell and facing nowhere, so that what follows needs no test for the sky.
+  var pixel = Pixel(vec3f(UNBOUNDED), 0u, vec3f(0.0), at.x | (at.y << 16u));
+  if sub_buffer < (1u << (2u * params.level)) && all(block < params.sub_size) && all(at < params.size) {
+    pixel.inside = 1u;
+    let texel = textureLoad(receivers, at, 0);
+    if texel.w != SKY {
+      pixel.position = receiver_position(texel);
+      pixel.normal = unpack_normal(texel.w);
+    }
+  }
+  return pixel;
+}
+
+// Nothing for the sky.
+fn box_of(pixel: Pixel) -> Box {
+  if pixel.position.x == UNBOUNDED {
+    return empty_box();
+  }
+  return Box(pixel.position, pixel.position);
+}
+
+fn store_sum(pixel: Pixel, sum: Sum) {
+  if pixel.inside != 0u {
+    let at = vec2u(pixel.at & 0xffffu, pixel.at >> 16u);
+#if COLOR
+    textureStore(sums, at, params.level, vec4f(sum, 0.0));
+#else
+    textureStore(sums, at, params.level, vec4f(sum, 0.0, 0.0, 0.0));
+#endif
+  }
+}
+
 #if STATISTICS
 var<private> in_shell: u32;
 var<private> contributing: u32;
 #endif
 
 // What a surfel adds to one pixel.
-fn pair(disk: vec4f, sender: Sender, radii2: vec2f, position: vec3f, normal: vec3f) -> Sum {
-  let to_sender = disk.xyz - position;
+fn pair(disk: vec4f, sender: Sender, radii2: vec2f, pixel: Pixel) -> Sum {
+  let to_sender = disk.xyz - pixel.position;
   let distance2 = dot(to_sender, to_sender);
   let inside = distance2 >= radii2.x && distance2 < radii2.y;
-  let value = contribution(sender, normal, to_sender, distance2);
+  let value = contribution(sender, pixel.normal, to_sender, distance2);
 #if STATISTICS
   in_shell += select(0u, 1u, inside);
   contributing += select(0u, 1u, inside && any(value > Sum(0.0)));
@@ -349,29 +426,16 @@ fn splat(
   let unit = thread / 8u;
   let block = tile * TILE + vec2u((unit % 4u) * 8u, (unit / 4u) * 8u + thread % 8u);
 
-  // This thread's row of pixels, its bounds, and those of its unit and tile.
-  var pixel: array<vec2u, PIXELS>;
-  var position: array<vec3f, PIXELS>;
-  var normal: array<vec3f, PIXELS>;
-  var valid: array<bool, PIXELS>;
-  var own = empty_box();
-  for (var i = 0u; i < PIXELS; i++) {
-    let b = block + vec2u(i, 0u);
-    let at = pixel_of(b, sub_buffer, params.level, params.seed);
-    pixel[i] = at;
-    valid[i] = sub_buffer < (1u << (2u * params.level)) && all(b < params.sub_size) && all(at < params.size);
-    // Far outside of every bounded shell, so that what follows needs no test of validity.
-    position[i] = vec3f(UNBOUNDED);
-    normal[i] = vec3f(0.0);
-    if valid[i] {
-      let texel = textureLoad(receivers, at, 0);
-      if texel.w != SKY {
-        position[i] = receiver_position(texel);
-        normal[i] = unpack_normal(texel.w);
-        own = merged(own, Box(position[i], position[i]));
-      }
-    }
-  }
+  // This thread's row of pixels, its bounds, and those of its unit and tile. Written out rather than looped over:
+  // arrays that a loop indexes live in memory, not in registers.
+  let q0 = load_pixel(block, 0u, sub_buffer); let q1 = load_pixel(block, 1u, sub_buffer);
+  let q2 = load_pixel(block, 2u, sub_buffer); let q3 = load_pixel(block, 3u, sub_buffer);
+  let q4 = load_pixel(block, 4u, sub_buffer); let q5 = load_pixel(block, 5u, sub_buffer);
+  let q6 = load_pixel(block, 6u, sub_buffer); let q7 = load_pixel(block, 7u, sub_buffer);
+  var own = box_of(q0);
+  own = merged(own, box_of(q1)); own = merged(own, box_of(q2)); own = merged(own, box_of(q3));
+  own = merged(own, box_of(q4)); own = merged(own, box_of(q5)); own = merged(own, box_of(q6));
+  own = merged(own, box_of(q7));
   thread_boxes[thread] = own;
   if thread < 32u {
     atomicStore(&needed[thread], 0u);
@@ -393,10 +457,6 @@ fn splat(
     tile_box = merged(tile_box, unit_boxes[u]);
   }
 
-  let p0 = position[0]; let p1 = position[1]; let p2 = position[2]; let p3 = position[3];
-  let p4 = position[4]; let p5 = position[5]; let p6 = position[6]; let p7 = position[7];
-  let n0 = normal[0]; let n1 = normal[1]; let n2 = normal[2]; let n3 = normal[3];
-  let n4 = normal[4]; let n5 = normal[5]; let n6 = normal[6]; let n7 = normal[7];
   var s0 = Sum(0.0); var s1 = Sum(0.0); var s2 = Sum(0.0); var s3 = Sum(0.0);
   var s4 = Sum(0.0); var s5 = Sum(0.0); var s6 = Sum(0.0); var s7 = Sum(0.0);
 #if STATISTICS
@@ -404,8 +464,8 @@ fn splat(
 #endif
 
   let surfel_count = surfels_in(sub_buffer);
-  let cluster_count = (surfel_count + CLUSTER - 1u) / CLUSTER;
-  let group_count = (cluster_count + GROUP - 1u) / GROUP;
+  let cluster_count = divide_up(surfel_count, CLUSTER);
+  let group_count = divide_up(cluster_count, GROUP);
   let first_cluster = params.first_cluster + sub_buffer * params.clusters;
   let first_group = params.first_group + sub_buffer * params.groups;
   var parity = 0u;
@@ -481,14 +541,14 @@ fn splat(
             let disk = disks[k];
             let sender = senders[k];
             let radii2 = shells[k];
-            s0 += pair(disk, sender, radii2, p0, n0);
-            s1 += pair(disk, sender, radii2, p1, n1);
-            s2 += pair(disk, sender, radii2, p2, n2);
-            s3 += pair(disk, sender, radii2, p3, n3);
-            s4 += pair(disk, sender, radii2, p4, n4);
-            s5 += pair(disk, sender, radii2, p5, n5);
-            s6 += pair(disk, sender, radii2, p6, n6);
-            s7 += pair(disk, sender, radii2, p7, n7);
+            s0 += pair(disk, sender, radii2, q0);
+            s1 += pair(disk, sender, radii2, q1);
+            s2 += pair(disk, sender, radii2, q2);
+            s3 += pair(disk, sender, radii2, q3);
+            s4 += pair(disk, sender, radii2, q4);
+            s5 += pair(disk, sender, radii2, q5);
+            s6 += pair(disk, sender, radii2, q6);
+            s7 += pair(disk, sender, radii2, q7);
 #if STATISTICS
             evaluated += PIXELS;
 #endif
@@ -510,16 +570,8 @@ fn splat(
 
   // The surfels of the other sub-buffers lie like this one's: each of its surfels stands for all of theirs.
   let share = f32(1u << (2u * params.level));
-  let sum = array<Sum, PIXELS>(s0, s1, s2, s3, s4, s5, s6, s7);
-  for (var i = 0u; i < PIXELS; i++) {
-    if valid[i] {
-#if COLOR
-      textureStore(sums, pixel[i], params.level, vec4f(sum[i] * share, 0.0));
-#else
-      textureStore(sums, pixel[i], params.level, vec4f(sum[i] * share, 0.0, 0.0, 0.0));
-#endif
-    }
-  }
+  store_sum(q0, s0 * share); store_sum(q1, s1 * share); store_sum(q2, s2 * share); store_sum(q3, s3 * share);
+  store_sum(q4, s4 * share); store_sum(q5, s5 * share); store_sum(q6, s6 * share); store_sum(q7, s7 * share);
 #if STATISTICS
   atomicAdd(&statistics[params.level * 4u], evaluated);
   atomicAdd(&statistics[params.level * 4u + 1u], in_shell);

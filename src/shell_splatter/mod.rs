@@ -19,7 +19,7 @@ use crate::{
     error::{Error, check_setting},
     gbuffer::GBuffer,
     gpu::{
-        Kernel, Timestamps, WORKGROUP,
+        Kernel, Timestamps,
         binding::{self, READ, UINT_2D, UNIFORM, WRITE, whole},
         compute_pass, dispatch, shader, storage, uniform,
     },
@@ -39,6 +39,8 @@ pub struct ShellSplatter {
     statistics: bool,
     build_layout: wgpu::BindGroupLayout,
     splat_layout: wgpu::BindGroupLayout,
+    plan_layout: wgpu::BindGroupLayout,
+    plan: ComputePipeline,
     build_clusters: ComputePipeline,
     build_groups: ComputePipeline,
     splat: ComputePipeline,
@@ -62,6 +64,8 @@ pub struct ShellSplatterDescriptor<'a> {
 #[derive(Debug)]
 pub struct SurfelClusters {
     buffer: Buffer,
+    /// Two indirect dispatches a level: for the clusters, and for their groups.
+    dispatches: Buffer,
     places: Vec<LevelPlace>,
     capacity: u32,
 }
@@ -69,9 +73,12 @@ pub struct SurfelClusters {
 impl SurfelClusters {
     /// GPU memory that it owns, bytes.
     pub fn memory_bytes(&self) -> u64 {
-        self.buffer.size()
+        self.buffer.size() + self.dispatches.size()
     }
 }
+
+/// Bytes of an indirect dispatch.
+const DISPATCH_BYTES: u64 = 12;
 
 /// The textures of one view: its receivers and its sums per level.
 #[derive(Debug)]
@@ -183,6 +190,7 @@ impl ShellSplatter {
             .chain(materials)
             .chain(statistics)
             .collect();
+        let plan_layout = binding::layout(device, LABEL, stages, &[(3, READ), (9, WRITE)]);
         let build_layout = binding::layout(device, LABEL, stages, &build);
         let splat_layout = binding::layout(device, LABEL, stages, &splat);
 
@@ -212,12 +220,14 @@ impl ShellSplatter {
             .create(device)
         };
         Ok(Self {
+            plan: kernel(&build_module, "plan", &plan_layout),
             build_clusters: kernel(&build_module, "build_clusters", &build_layout),
             build_groups: kernel(&build_module, "build_groups", &build_layout),
             splat: kernel(&splat_module, "splat", &splat_layout),
             receivers: ReceiversPass::new(device, descriptor.cache)?,
             effect: effect.clone(),
             statistics: descriptor.statistics,
+            plan_layout,
             build_layout,
             splat_layout,
         })
@@ -261,6 +271,12 @@ impl ShellSplatter {
                 "deep-screen-space surfel clusters",
                 count * 32,
                 BufferUsages::empty(),
+            )?,
+            dispatches: storage(
+                device,
+                "deep-screen-space cluster dispatches",
+                2 * DISPATCH_BYTES * u64::from(levels),
+                BufferUsages::INDIRECT,
             )?,
             places,
             capacity: cloud.capacity.surfels,
@@ -325,6 +341,13 @@ impl ShellSplatter {
         let materials = self.check_materials(materials)?;
         encoder.push_debug_group(LABEL);
         let mut pass = compute_pass(encoder, &label(&self.effect, "clusters"), timestamps);
+        let plan = binding::group(
+            device,
+            LABEL,
+            &self.plan_layout,
+            &[(3, whole(&cloud.counters)), (9, whole(&clusters.dispatches))],
+        );
+        dispatch(&mut pass, &self.plan, &plan, 1);
         for level in 0..settings.levels {
             let place = clusters.places[level as usize];
             let params = uniform(
@@ -341,14 +364,12 @@ impl ShellSplatter {
             ];
             resources.extend(materials.map(|m| (7, whole(m))));
             let group = binding::group(device, LABEL, &self.build_layout, &resources);
-            let threads = |per_sub_buffer: u32| (per_sub_buffer << (2 * level)).div_ceil(WORKGROUP);
-            dispatch(
-                &mut pass,
-                &self.build_clusters,
-                &group,
-                threads(place.clusters),
-            );
-            dispatch(&mut pass, &self.build_groups, &group, threads(place.groups));
+            pass.set_bind_group(0, &group, &[]);
+            let at = 2 * DISPATCH_BYTES * u64::from(level);
+            pass.set_pipeline(&self.build_clusters);
+            pass.dispatch_workgroups_indirect(&clusters.dispatches, at);
+            pass.set_pipeline(&self.build_groups);
+            pass.dispatch_workgroups_indirect(&clusters.dispatches, at + DISPATCH_BYTES);
         }
         drop(pass);
         encoder.pop_debug_group();
