@@ -412,7 +412,7 @@ fn depths(case: &Case, camera: &Camera) -> (Vec<Option<f64>>, Vec<f32>, [u32; 2]
 #[test]
 fn receivers_are_where_the_camera_says() {
     let gpu = gpu();
-    let mut passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), 1, 1);
+    let mut passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), 1);
     for case in cases() {
         for size in SIZES {
             let camera = case.camera(size);
@@ -425,7 +425,7 @@ fn receivers_are_where_the_camera_says() {
                 Viewport::full(1, 1),
             )
             .expect("a camera");
-            passes.emit(&gpu, &cloud_camera, &[DVec3::X]);
+            passes.emit(&gpu, &cloud_camera, &[DVec3::X], 1);
             let (inside, all, texture) = depths(&case, &camera);
             let normals: Vec<[f32; 4]> = (0..all.len() as u32)
                 .map(|i| direction(i).as_vec3().extend(0.0).to_array())
@@ -583,7 +583,7 @@ fn draw_depth(
 #[test]
 fn every_depth_format_is_read() {
     let gpu = gpu();
-    let mut passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), 1, 1);
+    let mut passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), 1);
     let mut formats = vec![
         Format::Depth16Unorm,
         Format::Depth24Plus,
@@ -609,7 +609,7 @@ fn every_depth_format_is_read() {
         for projection in projections {
             let case = Case::new("formats", projection);
             let camera = case.camera(size);
-            passes.emit(&gpu, &camera, &[DVec3::X]);
+            passes.emit(&gpu, &camera, &[DVec3::X], 1);
             let (inside, mut all, _) = depths(&case, &camera);
             if format == Format::Depth16Unorm {
                 // As the texture will hold it.
@@ -719,7 +719,7 @@ fn half(v: f64) -> (u16, f64) {
 #[test]
 fn every_normal_encoding_is_read() {
     let gpu = gpu();
-    let mut passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), 1, 1);
+    let mut passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), 1);
     let case = Case {
         up: DVec3::new(0.8, 0.5, 0.1),
         ..Case::new(
@@ -729,7 +729,7 @@ fn every_normal_encoding_is_read() {
     };
     let size = [31, 17];
     let camera = case.camera(size);
-    passes.emit(&gpu, &camera, &[DVec3::X]);
+    passes.emit(&gpu, &camera, &[DVec3::X], 1);
     let depth = gpu.texture(Format::R32Float, size[0], size[1], &vec![0.02_f32; 31 * 17]);
     use NormalEncoding::{Octahedral, OctahedralUnsigned, Signed, Unsigned};
     // How far off a unit vector each format's rounding may leave a component, doubled where 0…1 stands for −1…1 and
@@ -809,7 +809,7 @@ fn every_normal_encoding_is_read() {
 #[test]
 fn normals_without_a_direction_face_the_eye() {
     let gpu = gpu();
-    let mut passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), 1, 1);
+    let mut passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), 1);
     let (nan, inf) = (f32::NAN, f32::INFINITY);
     let none = [
         [0.0, 0.0, 0.0],
@@ -839,7 +839,7 @@ fn normals_without_a_direction_face_the_eye() {
         right::perspective_infinite_reverse(1.0, 1.0, 0.1),
     );
     let camera = case.camera(size);
-    passes.emit(&gpu, &camera, &[DVec3::X]);
+    passes.emit(&gpu, &camera, &[DVec3::X], 1);
     let depth = gpu.texture(Format::R32Float, size[0], 1, &vec![0.02_f32; all.len()]);
     let normal = gpu.texture(Format::Rgba32Float, size[0], 1, &texels);
     for normal_space in [NormalSpace::World, NormalSpace::View] {
@@ -880,7 +880,7 @@ fn normals_without_a_direction_face_the_eye() {
 #[test]
 fn depths_that_no_camera_gives_are_sky_or_finite() {
     let gpu = gpu();
-    let mut passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), 1, 1);
+    let mut passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), 1);
     let depths = [
         f32::NAN,
         f32::INFINITY,
@@ -908,7 +908,7 @@ fn depths_that_no_camera_gives_are_sky_or_finite() {
             ..case
         };
         let camera = case.camera(size);
-        passes.emit(&gpu, &camera, &[DVec3::X]);
+        passes.emit(&gpu, &camera, &[DVec3::X], 1);
         let gbuffer = GBuffer {
             depth: &depth,
             normal: &normal,

@@ -32,13 +32,13 @@ pub struct Passes {
     surfelizer: Surfelizer,
     splatter: ShellSplatter,
     pub cloud: SurfelCloud,
-    clusters: SurfelClusters,
+    clusters: Option<SurfelClusters>,
     levels: u32,
 }
 
 impl Passes {
     /// Room for `surfels` of them.
-    pub fn new(gpu: &Gpu, effect: &Effect, levels: u32, surfels: u32) -> Self {
+    pub fn new(gpu: &Gpu, effect: &Effect, surfels: u32) -> Self {
         let device = &gpu.device;
         let surfelizer = Surfelizer::new(device, None).expect("pipelines");
         let splatter = ShellSplatter::new(
@@ -57,20 +57,17 @@ impl Passes {
             triangles: surfels,
         };
         let cloud = surfelizer.create_cloud(device, capacity).expect("a cloud");
-        let clusters = splatter
-            .create_clusters(device, &cloud, levels)
-            .expect("clusters");
         Self {
             surfelizer,
             splatter,
             cloud,
-            clusters,
-            levels,
+            clusters: None,
+            levels: 0,
         }
     }
 
-    /// Makes the cloud, about a camera's eye; `surfels` are relative to it.
-    pub fn emit(&mut self, gpu: &Gpu, camera: &Camera, surfels: &[DVec3]) {
+    /// Makes the cloud for this many levels, about a camera's eye; `surfels` are relative to it.
+    pub fn emit(&mut self, gpu: &Gpu, camera: &Camera, surfels: &[DVec3], levels: u32) {
         let device = &gpu.device;
         let count = surfels.len() as u32;
         let corners: Vec<[f32; 3]> = surfels
@@ -118,7 +115,11 @@ impl Passes {
                 &mut self.cloud,
             )
             .expect("surfels");
-        let settings = splat_settings(self.levels);
+        let clusters = self
+            .splatter
+            .create_clusters(device, &self.cloud, levels)
+            .expect("clusters");
+        let settings = splat_settings(levels);
         self.splatter
             .record_clusters(
                 device,
@@ -126,11 +127,13 @@ impl Passes {
                 &self.cloud,
                 None,
                 &settings,
-                &self.clusters,
+                &clusters,
                 None,
             )
             .expect("clusters");
         gpu.finish(encoder);
+        self.clusters = Some(clusters);
+        self.levels = levels;
     }
 
     /// Decodes a G-buffer and sums the effect over it.
@@ -153,7 +156,7 @@ impl Passes {
                 gbuffer,
                 camera,
                 cloud: &self.cloud,
-                clusters: &self.clusters,
+                clusters: self.clusters.as_ref().expect("emit comes first"),
                 materials: None,
                 timestamps: None,
             },
