@@ -107,7 +107,9 @@ impl Kernel<'_> {
     }
 }
 
-/// A compute pass with the crate's label and the caller's timestamps.
+/// A compute pass with the crate's label and the caller's timestamps. The label is the pass's debug group: one on the
+/// encoder would begin and end in two of the command buffers that wgpu cuts an encoder into, which lavapipe of Mesa 22.3
+/// does not survive.
 pub(crate) fn compute_pass<'e>(
     encoder: &'e mut CommandEncoder,
     label: &str,

@@ -238,7 +238,6 @@ impl Reconstructor {
         let smoothing = scratch.scratch.as_ref().filter(|_| input.levels > 1);
         let shared = [(0, whole(&params)), (1, view(&input.sums.receivers.view))];
 
-        encoder.push_debug_group(LABEL);
         if let Some(scratch) = smoothing {
             let group = |from, to| {
                 let mut resources = shared.to_vec();
@@ -307,8 +306,6 @@ impl Reconstructor {
         pass.set_pipeline(&self.reconstruct[smoothed]);
         pass.set_bind_group(0, &group, &[]);
         pass.draw(0..3, 0..1);
-        drop(pass);
-        encoder.pop_debug_group();
         Ok(())
     }
 

@@ -42,7 +42,11 @@ pub fn cast(
             let at = |list: &[[f32; 3]], k| DVec3::from(list[corner(k)].map(f64::from));
             let [p0, p1, p2] = [0, 1, 2].map(|k| at(positions, k));
             let facing = (p1 - p0).cross(p2 - p0).normalize();
-            let geometric_normal = if facing.dot(direction) > 0.0 { -facing } else { facing };
+            let geometric_normal = if facing.dot(direction) > 0.0 {
+                -facing
+            } else {
+                facing
+            };
             let [u, v] = hit.barycentric;
             let smooth = at(normals, 0) * (1.0 - u - v) + at(normals, 1) * u + at(normals, 2) * v;
             let shading = smooth.try_normalize().unwrap_or(geometric_normal);

@@ -21,7 +21,7 @@ use crate::{
 const PIECE_EXTENT: f64 = 0.5;
 const MAX_ORDER: u32 = 16;
 const MAX_DEPTH: u32 = 60;
-const MAX_NODES: u32 = 65536;
+const MAX_NODES: u32 = 8192;
 const MAX_CLAMPED_ORDER: u32 = 20;
 const SHAPE_ORDER: u32 = 0xfff;
 const SHAPE_SMALL: u32 = 0x1000;
@@ -274,6 +274,7 @@ impl Params {
                 break;
             }
             path.set(path.depth - 1, 1);
+            // The shader goes down from an anchor on the way, to the same node.
             node = (0..path.depth).fold(root, |node, depth| bisect(node, path.side(depth)));
         }
     }

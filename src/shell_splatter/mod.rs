@@ -339,7 +339,6 @@ impl ShellSplatter {
         settings.validate()?;
         self.check_clusters(cloud, settings, clusters)?;
         let materials = self.check_materials(materials)?;
-        encoder.push_debug_group(LABEL);
         let mut pass = compute_pass(encoder, &label(&self.effect, "clusters"), timestamps);
         let plan = binding::group(
             device,
@@ -364,15 +363,15 @@ impl ShellSplatter {
             ];
             resources.extend(materials.map(|m| (7, whole(m))));
             let group = binding::group(device, LABEL, &self.build_layout, &resources);
+            pass.push_debug_group(&format!("level {level}"));
             pass.set_bind_group(0, &group, &[]);
             let at = 2 * DISPATCH_BYTES * u64::from(level);
             pass.set_pipeline(&self.build_clusters);
             pass.dispatch_workgroups_indirect(&clusters.dispatches, at);
             pass.set_pipeline(&self.build_groups);
             pass.dispatch_workgroups_indirect(&clusters.dispatches, at + DISPATCH_BYTES);
+            pass.pop_debug_group();
         }
-        drop(pass);
-        encoder.pop_debug_group();
         Ok(())
     }
 
@@ -415,7 +414,6 @@ impl ShellSplatter {
                 ),
             });
         }
-        encoder.push_debug_group(LABEL);
         if let Some(statistics) = &view.statistics {
             encoder.clear_buffer(statistics, 0, None);
         }
@@ -447,15 +445,15 @@ impl ShellSplatter {
                 resources.push((8, whole(statistics)));
             }
             let group = binding::group(device, LABEL, &self.splat_layout, &resources);
+            pass.push_debug_group(&format!("level {level}"));
             dispatch(
                 &mut pass,
                 &self.splat,
                 &group,
                 params.tiles_of_all_sub_buffers(),
             );
+            pass.pop_debug_group();
         }
-        drop(pass);
-        encoder.pop_debug_group();
         Ok(())
     }
 

@@ -203,8 +203,6 @@ impl Surfelizer {
         encoder.clear_buffer(&cloud.counters, 0, None);
         encoder.clear_buffer(&cloud.triangle_offsets.values, 0, None);
         encoder.clear_buffer(&cloud.piece_offsets.values, 0, None);
-        // The pass's label is its debug group. One on the encoder would begin and end in two of the command buffers that
-        // wgpu cuts an encoder into, which Mesa 22.3's lavapipe does not survive at the second recording.
         let mut pass = compute_pass(encoder, LABEL, input.timestamps);
         pass.set_bind_group(0, &cloud_group, &[]);
         let each_mesh = |pass: &mut wgpu::ComputePass<'_>, pipeline| {
