@@ -91,9 +91,13 @@ const PLACE_GRID: u32 = 2u;
 const PIECE_EXTENT: f32 = 0.5;
 // A piece has at most 2^16 leaves; it is split further rather than have more.
 const MAX_ORDER: u32 = 16u;
-// Bounds of the walk: beyond them a node is taken as it is, coarser than asked for but with its area.
+// Bounds of the walk: beyond them a node is taken as it is, coarser than asked for but with its area. A triangle that
+// spans eight decades of distance has 6000 nodes. Lavapipe (Mesa 22.3) leaves all loops of a thread after 65535 rounds in
+// all, without a word; a node takes five.
 const MAX_DEPTH: u32 = 60u;
-const MAX_NODES: u32 = 65536u;
+const MAX_NODES: u32 = 8192u;
+// The walk goes back down from a node at a multiple of this depth, at least as far above where it goes to.
+const ANCHOR_STEP: u32 = 4u;
 const MAX_CLAMPED_ORDER: u32 = 20u;
 // Of Piece.shape: bits 0 to 11 are the order, bit 12 says that the piece is below the target area, the rest is a hash
 // of the piece's path.
@@ -446,6 +450,9 @@ fn item_of(room: u32, total: u32, capacity: u32) -> u32 {
 fn walk(root: Triangle, triangle: u32, write: bool, first_piece: u32) -> u32 {
   var path = Path(vec2u(0u), 0u);
   var node = root;
+  // A node on the way to the current one. Going down from the root each time would take most of the walk.
+  var anchor = root;
+  var anchor_depth = 0u;
   var visited = 0u;
   var count = 0u;
   var total = 0u;
@@ -484,8 +491,16 @@ fn walk(root: Triangle, triangle: u32, write: bool, first_piece: u32) -> u32 {
       break;
     }
     path = path_with(path, path.depth - 1u, 1u);
-    node = root;
-    for (var depth = 0u; depth < path.depth; depth++) {
+    if anchor_depth >= path.depth {
+      anchor = root;
+      anchor_depth = 0u;
+    }
+    node = anchor;
+    for (var depth = anchor_depth; depth < path.depth; depth++) {
+      if depth % ANCHOR_STEP == 0u && path.depth - depth >= ANCHOR_STEP {
+        anchor = node;
+        anchor_depth = depth;
+      }
       node = bisect(node, path_side(path, depth));
     }
   }
