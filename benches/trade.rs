@@ -41,7 +41,7 @@ use support::{
 };
 
 /// Room for the finest settings at these sizes; a row says if it was too little.
-const CAPACITY: u32 = 1 << 19;
+const CAPACITY: u32 = 1 << 18;
 
 /// The most levels that a variant asks for.
 const MAX_LEVELS: u32 = 6;
@@ -123,14 +123,14 @@ fn main() -> ExitCode {
 fn run(options: &Options) -> Result<(), String> {
     let effort = if options.quick {
         Effort {
-            size: [96, 64],
-            rays: 32,
+            size: [144, 96],
+            rays: 16,
             runs: 1,
         }
     } else {
         Effort {
-            size: [192, 128],
-            rays: 128,
+            size: [256, 160],
+            rays: 32,
             runs: 2,
         }
     };
@@ -452,7 +452,7 @@ fn variants(radius: f32, grid: bool) -> Vec<Variant> {
         preset.splat.epsilon = epsilon;
         push("epsilon", epsilon.to_string(), preset, Overlap::Add);
     }
-    for pixels in [8.0, 6.0, 4.0, 3.0, 2.0, 1.5, 1.0] {
+    for pixels in [8.0, 4.0, 3.0, 2.0, 1.5, 1.0] {
         let mut preset = balanced;
         preset.surfelizer.radius_pixels = pixels;
         push("pixels", pixels.to_string(), preset, Overlap::Add);
@@ -471,9 +471,9 @@ fn variants(radius: f32, grid: bool) -> Vec<Variant> {
         push("overlap", value.into(), balanced, overlap);
     }
     if grid {
-        for pixels in [6.0, 4.0, 3.0, 2.0, 1.5] {
-            for epsilon in [0.16, 0.08, 0.04, 0.02, 0.01, 0.005] {
-                for levels in 2..=MAX_LEVELS {
+        for pixels in [4.0, 3.0, 2.0, 1.5, 1.0] {
+            for epsilon in [0.16, 0.08, 0.04, 0.02, 0.01] {
+                for levels in 3..=MAX_LEVELS {
                     let mut preset = balanced;
                     preset.surfelizer.radius_pixels = pixels;
                     preset.splat.epsilon = epsilon;

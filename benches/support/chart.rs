@@ -98,15 +98,17 @@ fn draw(picture: &mut RgbImage, panels: &[Panel]) -> Result<(), Box<dyn std::err
                     .iter()
                     .map(|p| Circle::new((p.time, p.error), 4, color.filled())),
             )?;
-            // The ends say which way the setting runs.
-            for end in [curve.first(), curve.last()].into_iter().flatten() {
-                let style = text
-                    .clone()
-                    .color(&color)
-                    .pos(Pos::new(HPos::Center, VPos::Bottom));
+            // The ends say which way the setting runs; curves cross, so its first value stands above and its last below.
+            let ends = [
+                (curve.first(), VPos::Bottom, 1.015),
+                (curve.last(), VPos::Top, 0.985),
+            ];
+            for (end, side, apart) in ends {
+                let Some(end) = end else { continue };
+                let style = text.clone().color(&color).pos(Pos::new(HPos::Center, side));
                 chart.draw_series([Text::new(
                     end.label.clone(),
-                    (end.time, end.error * 1.015),
+                    (end.time, end.error * apart),
                     style,
                 )])?;
             }
@@ -123,13 +125,13 @@ fn draw(picture: &mut RgbImage, panels: &[Panel]) -> Result<(), Box<dyn std::err
         )])?;
         for preset in &panel.presets {
             let at = (preset.time, preset.error);
-            chart.draw_series([Circle::new(at, 8, BLACK.stroke_width(2))])?;
-            let style = text.clone().pos(Pos::new(HPos::Center, VPos::Top));
-            chart.draw_series([Text::new(preset.label.clone(), (at.0, at.1 / 1.025), style)])?;
+            chart.draw_series([TriangleMarker::new(at, 11, BLACK.filled())])?;
+            let style = text.clone().pos(Pos::new(HPos::Left, VPos::Center));
+            chart.draw_series([Text::new(format!("  {}", preset.label), at, style)])?;
         }
         chart
             .configure_series_labels()
-            .position(SeriesLabelPosition::UpperRight)
+            .position(SeriesLabelPosition::UpperLeft)
             .label_font(text)
             .background_style(WHITE.mix(0.85))
             .border_style(BLACK)
@@ -152,7 +154,7 @@ fn bounds(values: impl Iterator<Item = f64>, margin: f64) -> Range<f64> {
     low / margin..high * margin
 }
 
-/// A logarithmic axis with ticks at 1, 2, 3, 5 and 7 in every power of ten: plotters' own has a tick a decade, and errors
+/// A logarithmic axis with several ticks in every power of ten: plotters' own has a tick a decade, and errors
 /// span hardly more than one.
 struct LogAxis(Range<f64>);
 
@@ -173,7 +175,7 @@ impl Ranged for LogAxis {
         let steps: &[f64] = if decades > 3 {
             &[1.0, 3.0]
         } else {
-            &[1.0, 2.0, 3.0, 5.0, 7.0]
+            &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0]
         };
         (first..=last)
             .flat_map(|decade| steps.iter().map(move |s| s * 10_f64.powi(decade)))
