@@ -51,8 +51,15 @@ fn keeping_every_triangle_keeps_the_area() {
             let camera = scene_camera(&scene, 0);
             let cloud = fixture().record_soup(&soup, &task(&camera, f32::INFINITY, placement));
             let ratio = disk_area(&cloud) / soup.area();
-            println!("{} {placement:?}: {:?}, area {ratio:.6}", scene.name, cloud.counts);
-            assert!((ratio - 1.0).abs() < 0.001, "{} {placement:?}: area {ratio}", scene.name);
+            println!(
+                "{} {placement:?}: {:?}, area {ratio:.6}",
+                scene.name, cloud.counts
+            );
+            assert!(
+                (ratio - 1.0).abs() < 0.001,
+                "{} {placement:?}: area {ratio}",
+                scene.name
+            );
             assert_eq!(cloud.counts.overflow(), 0, "{}", scene.name);
         }
     }
@@ -70,7 +77,8 @@ fn variance(soup: &Soup, task: &Task<'_>) -> f64 {
         .map(|piece| {
             let root = mirror::area_root(piece.corners);
             let t = piece.corners;
-            let target = f64::from(task.settings.radius_pixels) * footprint.at((t.a + t.b + t.c) / 3.0);
+            let target =
+                f64::from(task.settings.radius_pixels) * footprint.at((t.a + t.b + t.c) / 3.0);
             let relative = root * root / (std::f64::consts::PI * target * target);
             let kept = density * relative;
             if relative < FRAC_1_SQRT_2 && kept < 1.0 {
@@ -115,7 +123,10 @@ fn thinning_keeps_the_expected_area() {
         assert!(thinned > 5, "{thinned} clouds were thinned at all");
         let ratio = found / expected;
         println!("density {density}: mean {ratio:.5}");
-        assert!((ratio - 1.0).abs() < 0.01, "density {density}: mean {ratio}");
+        assert!(
+            (ratio - 1.0).abs() < 0.01,
+            "density {density}: mean {ratio}"
+        );
     }
 }
 
@@ -123,11 +134,11 @@ fn thinning_keeps_the_expected_area() {
 /// paper's inverse probability would be ten times off.
 #[test]
 fn a_fine_sphere_keeps_its_area() {
-    let soup = Soup::of(&sphere(DVec3::ZERO, 1.0, 100));
+    let soup = Soup::of(&sphere(DVec3::ZERO, 1.0, 60));
     for density in [1.0, 4.0] {
-        let ratios: Vec<f64> = (0..24)
+        let ratios: Vec<f64> = (0..16)
             .map(|step| {
-                let eye = DVec3::new(0.0, 0.0, 5.0 + 0.37 * f64::from(step));
+                let eye = DVec3::new(0.0, 0.0, 5.0 + 0.43 * f64::from(step));
                 let camera = look_at(eye, DVec3::ZERO, perspective(60.0, 1.0, 0.1));
                 let mut task = task(&camera, density, Placement::Centroid);
                 task.settings.radius_pixels = 1.0;
@@ -138,7 +149,10 @@ fn a_fine_sphere_keeps_its_area() {
             .collect();
         let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
         println!("density {density}: mean {mean:.5} of {ratios:.4?}");
-        assert!((mean - 1.0).abs() < 0.01, "density {density}: {mean} of {ratios:?}");
+        assert!(
+            (mean - 1.0).abs() < 0.01,
+            "density {density}: {mean} of {ratios:?}"
+        );
     }
 }
 
@@ -162,8 +176,8 @@ fn slivers_keep_their_area() {
                         .collect::<Vec<_>>(),
                 );
                 let camera = look_at(eye, DVec3::ZERO, perspective(60.0, 1.0, 0.01));
-                let cloud =
-                    fixture().record_soup(&soup, &task(&camera, f32::INFINITY, Placement::Centroid));
+                let cloud = fixture()
+                    .record_soup(&soup, &task(&camera, f32::INFINITY, Placement::Centroid));
                 let ratio = disk_area(&cloud) / soup.area();
                 let inputs = format!("{kind} of aspect {aspect:e} from {eye}");
                 println!("{inputs}: {:?}, area {ratio:.5}", cloud.counts);

@@ -68,7 +68,11 @@ pub fn compare(one: &mirror::Cloud, other: &mirror::Cloud, radii: f64) -> Differ
         assert_eq!(mine.len(), theirs.len(), "surfels of {piece:?}");
         for (&i, &j) in mine.iter().zip(theirs) {
             let [p, q] = [&one.surfels[i], &other.surfels[j]];
-            assert_eq!([p.leaf, p.material], [q.leaf, q.material], "{p:?} and {q:?}");
+            assert_eq!(
+                [p.leaf, p.material],
+                [q.leaf, q.material],
+                "{p:?} and {q:?}"
+            );
             difference.surfels += 1;
             let off = p.position.distance(q.position) / q.radius;
             let cosine = unpack_normal(p.normal).dot(unpack_normal(q.normal));
@@ -91,9 +95,10 @@ fn surfels_by_piece(cloud: &mirror::Cloud) -> Vec<Vec<usize>> {
     lists
 }
 
-/// The tolerance of GPU against mirror, measured at 1.2e-5 radii: positions carry f32's rounding of the distance from the
-/// eye, 6e-8 of it a few times over, against radii of 1e-2 of it and more.
-const RADII: f64 = 1e-4;
+/// The tolerance of GPU against mirror: positions carry f32's rounding of the distance from the eye, 6e-8 of it a few
+/// times over, against radii of 1e-2 of it and more. Measured at 2e-5 radii, and with the jitter of [`Placement::Grid`] at
+/// 4e-4 where a driver's sine is that coarse (WGSL asks for 2^-11).
+const RADII: f64 = 1e-3;
 /// Where a leaf's two longest edges are within rounding of the factor 1.001 it is cut the other way. None was seen.
 const FAR_SHARE: f64 = 1e-3;
 /// Rounding decides in an interval that is 1e-6 of a threshold. None was seen.
@@ -123,7 +128,9 @@ fn scenes_give_the_mirrors_cloud() {
         let soup = Soup::of_scene(scene);
         for view in 0..scene.views.len() {
             let camera = scene_camera(scene, view);
-            for placement in [Placement::Centroid, Placement::Random, Placement::Grid] {
+            // Placements share all but the last step.
+            let placements = [Placement::Centroid, Placement::Random, Placement::Grid];
+            for &placement in &placements[..if view == 0 { 3 } else { 1 }] {
                 let settings = SurfelizerSettings {
                     radius_pixels: 3.0,
                     density: 1.0,
@@ -134,7 +141,10 @@ fn scenes_give_the_mirrors_cloud() {
                 assert_alike(
                     &fixture().record_soup(&soup, &task),
                     &soup.mirrored(&task),
-                    &format!("{} {} {placement:?} {SIDE}", scene.name, scene.views[view].name),
+                    &format!(
+                        "{} {} {placement:?} {SIDE}",
+                        scene.name, scene.views[view].name
+                    ),
                 );
             }
         }

@@ -63,10 +63,10 @@ fn unit_square(weights: DVec2) -> DVec2 {
 /// Deviations of counts from areas over disks that lie within the triangle: the root of their mean square, and the
 /// largest. Disks, since boxes along the triangle's edges run along its leaves' edges.
 fn disk_discrepancy(cloud: &mirror::Cloud, whole: f64) -> [f64; 2] {
+    const DISKS: u32 = 600;
     let [a, b, c] = corners(&cloud.pieces[0]);
     let center = (a + b + c) / 3.0;
     let [mut square, mut worst] = [0.0, 0.0_f64];
-    const DISKS: u32 = 600;
     for i in 0..DISKS {
         let draw = |k: u32| unit_float(hash2(i, k));
         let radius = 0.3 + 0.7 * draw(0);
@@ -143,7 +143,10 @@ fn random_surfels_are_uniform() {
     let points = barycentric(&cloud(&large(), Placement::Random, 0.5));
     let mut counts = [0_u32; 64];
     for p in &points {
-        assert!(p.x >= -1e-5 && p.y >= -1e-5 && p.x + p.y <= 1.0 + 1e-5, "{p} is outside");
+        assert!(
+            p.x >= -1e-5 && p.y >= -1e-5 && p.x + p.y <= 1.0 + 1e-5,
+            "{p} is outside"
+        );
         let q = (unit_square(*p) * 8.0).floor().min(DVec2::splat(7.0));
         counts[(q.y * 8.0 + q.x) as usize] += 1;
     }
@@ -153,7 +156,11 @@ fn random_surfels_are_uniform() {
         .map(|&n| (f64::from(n) - expected).powi(2) / expected)
         .sum();
     println!("{} surfels, chi-square {chi:.1}", points.len());
-    assert!((18.0..108.0).contains(&chi), "{} surfels, chi-square {chi}: {counts:?}", points.len());
+    assert!(
+        (18.0..108.0).contains(&chi),
+        "{} surfels, chi-square {chi}: {counts:?}",
+        points.len()
+    );
 }
 
 /// v(i) of the tessellator: ¾ i² + ³⁄₂ i + 1 for even i, 3 ⌈i/2⌉² for odd i. The level is the first whose polynomial
@@ -205,14 +212,23 @@ fn the_grid_is_inset_and_jittered_by_a_radius() {
         let [mut mean, mut farthest] = [0.0, 0.0_f64];
         for surfel in &cloud.surfels {
             let off = surfel.position - mirror::grid_point(inner, surfel.leaf, level);
-            assert!(off.y.abs() < 1e-5 * radius.max(5.0), "{surfel:?} leaves the plane");
+            assert!(
+                off.y.abs() < 1e-5 * radius.max(5.0),
+                "{surfel:?} leaves the plane"
+            );
             farthest = farthest.max(off.length() / radius);
             mean += off.length() / radius / cloud.surfels.len() as f64;
         }
-        println!("{} surfels: jitter {mean:.3} radii on average, {farthest:.4} at most", cloud.surfels.len());
+        println!(
+            "{} surfels: jitter {mean:.3} radii on average, {farthest:.4} at most",
+            cloud.surfels.len()
+        );
         assert!(farthest <= 1.0 + 1e-4, "{farthest} radii");
         // Uniform over a disk: 2/3 of its radius on average, standard deviation 0.236 a surfel.
         let tolerance = 4.0 * 0.236 / (cloud.surfels.len() as f64).sqrt();
-        assert!((mean - 2.0 / 3.0).abs() < tolerance, "{mean} radii on average");
+        assert!(
+            (mean - 2.0 / 3.0).abs() < tolerance,
+            "{mean} radii on average"
+        );
     }
 }

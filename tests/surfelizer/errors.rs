@@ -31,10 +31,19 @@ fn settings() {
     let good = SurfelizerSettings::default();
     let refuse = |settings, expected| refused(&[], &Task::new(&camera, settings), expected);
     for radius_pixels in [0.0, -1.0, 0.049, 1001.0, f32::INFINITY, f32::NAN] {
-        refuse(SurfelizerSettings { radius_pixels, ..good }, "SurfelizerSettings::radius_pixels");
+        refuse(
+            SurfelizerSettings {
+                radius_pixels,
+                ..good
+            },
+            "SurfelizerSettings::radius_pixels",
+        );
     }
     for density in [0.0, 0.009, -4.0, f32::NAN, f32::NEG_INFINITY] {
-        refuse(SurfelizerSettings { density, ..good }, "SurfelizerSettings::density");
+        refuse(
+            SurfelizerSettings { density, ..good },
+            "SurfelizerSettings::density",
+        );
     }
     for bad in [-0.1, f32::NAN, f32::NEG_INFINITY] {
         let reach = |radii, world| SurfelizerSettings {
@@ -70,17 +79,45 @@ fn capacities() {
     };
     let mut task = Task::new(&camera, SurfelizerSettings::default());
     for (capacity, expected) in [
-        (CloudCapacity { surfels: 0, ..good }, "CloudCapacity::surfels"),
-        (CloudCapacity { surfels: (1 << 23) + 1, ..good }, "CloudCapacity::surfels"),
+        (
+            CloudCapacity { surfels: 0, ..good },
+            "CloudCapacity::surfels",
+        ),
+        (
+            CloudCapacity {
+                surfels: (1 << 23) + 1,
+                ..good
+            },
+            "CloudCapacity::surfels",
+        ),
         (CloudCapacity { pieces: 0, ..good }, "CloudCapacity::pieces"),
-        (CloudCapacity { pieces: u32::MAX, ..good }, "CloudCapacity::pieces"),
-        (CloudCapacity { triangles: (1 << 25) + 1, ..good }, "CloudCapacity::triangles"),
+        (
+            CloudCapacity {
+                pieces: u32::MAX,
+                ..good
+            },
+            "CloudCapacity::pieces",
+        ),
+        (
+            CloudCapacity {
+                triangles: (1 << 25) + 1,
+                ..good
+            },
+            "CloudCapacity::triangles",
+        ),
     ] {
         task.capacity = capacity;
         refused(&[], &task, expected);
     }
-    let limit = fixture().gpu.device.limits().max_storage_buffer_binding_size;
-    task.capacity = CloudCapacity { pieces: 1 << 23, ..good };
+    let limit = fixture()
+        .gpu
+        .device
+        .limits()
+        .max_storage_buffer_binding_size;
+    task.capacity = CloudCapacity {
+        pieces: 1 << 23,
+        ..good
+    };
     if limit < 48 << 23 {
         refused(&[], &task, "max_storage_buffer_binding_size");
     }
@@ -150,7 +187,11 @@ fn buffers() {
         (indices(&storage, 2, IndexFormat::Uint32), 0, 3),
         (indices(&storage, 0, IndexFormat::Uint32), 0, 258),
         (indices(&storage, 0, IndexFormat::Uint16), 510, 3),
-        (indices(&storage, 0, IndexFormat::Uint32), u32::MAX, u32::MAX),
+        (
+            indices(&storage, 0, IndexFormat::Uint32),
+            u32::MAX,
+            u32::MAX,
+        ),
         (indices(&storage, u64::MAX - 3, IndexFormat::Uint32), 0, 3),
         (indices(&storage, 1024, IndexFormat::Uint32), 0, 3),
     ] {
@@ -176,13 +217,35 @@ fn buffers() {
     };
     assert!(fixture().try_record(&[mesh(instances)], &task).is_ok());
     for bad in [
-        Instances { count: 17, ..instances },
-        Instances { stride: 60, ..instances },
-        Instances { stride: 66, ..instances },
-        Instances { offset: 4, ..instances },
-        Instances { offset: 1, ..instances },
-        Instances { buffer: &vertex_only, ..instances },
-        Instances { stride: 44, format: TransformFormat::Rows3x4, ..instances },
+        Instances {
+            count: 17,
+            ..instances
+        },
+        Instances {
+            stride: 60,
+            ..instances
+        },
+        Instances {
+            stride: 66,
+            ..instances
+        },
+        Instances {
+            offset: 4,
+            ..instances
+        },
+        Instances {
+            offset: 1,
+            ..instances
+        },
+        Instances {
+            buffer: &vertex_only,
+            ..instances
+        },
+        Instances {
+            stride: 44,
+            format: TransformFormat::Rows3x4,
+            ..instances
+        },
     ] {
         refused(&[mesh(bad)], &task, "Mesh::instances");
     }
@@ -197,12 +260,14 @@ fn buffers_that_end_within_a_word() {
     let task = Task::new(&camera, SurfelizerSettings::default());
     let bytes = |contents: &[u8]| {
         // `Gpu::buffer` pads.
-        let buffer = gpu.device.create_buffer(&deep_screen_space::wgpu::BufferDescriptor {
-            label: None,
-            size: contents.len() as u64,
-            usage: BufferUsages::STORAGE | BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
+        let buffer = gpu
+            .device
+            .create_buffer(&deep_screen_space::wgpu::BufferDescriptor {
+                label: None,
+                size: contents.len() as u64,
+                usage: BufferUsages::STORAGE | BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            });
         let whole = contents.len() & !3;
         gpu.queue.write_buffer(&buffer, 0, &contents[..whole]);
         buffer
@@ -247,7 +312,9 @@ fn a_cloud_is_not_made_of_itself() {
     let task = Task::new(&camera, SurfelizerSettings::default());
     let uploaded = fixture().upload(&Soup::of(&sphere(DVec3::ZERO, 0.5, 4)));
     let gpu = &fixture().gpu;
-    let first = fixture().try_record(&[uploaded.mesh()], &task).expect("valid");
+    let first = fixture()
+        .try_record(&[uploaded.mesh()], &task)
+        .expect("valid");
     let mut second = fixture()
         .surfelizer
         .create_cloud(&gpu.device, task.capacity)

@@ -3,7 +3,8 @@
 use std::time::{Duration, Instant};
 
 use deep_screen_space::{
-    Camera, CloudCapacity, Instances, Mesh, Placement, SurfelizerSettings, TransformFormat, Viewport,
+    Camera, CloudCapacity, Instances, Mesh, Placement, SurfelizerSettings, TransformFormat,
+    Viewport,
     glam::{DMat4, DVec3},
     reference::surfelizer as mirror,
     scenes,
@@ -39,7 +40,11 @@ fn assert_area(cloud: &mirror::Cloud, soup: &Soup, inputs: &str) {
     assert_sound(cloud, inputs);
     let ratio = disk_area(cloud) / soup.area();
     println!("{inputs}: {:?}, area {ratio:.5}", cloud.counts);
-    assert!((ratio - 1.0).abs() < 0.01, "{inputs}: {:?}, area {ratio}", cloud.counts);
+    assert!(
+        (ratio - 1.0).abs() < 0.01,
+        "{inputs}: {:?}, area {ratio}",
+        cloud.counts
+    );
 }
 
 /// Each is left out and counted, and the good one between them stays.
@@ -68,8 +73,15 @@ fn triangles_without_an_area_are_rejected() {
         list.insert(4, good);
         let cloud = fixture().record_soup(&Soup(list), &task);
         let count = bad.len() as u32;
-        assert_eq!(cloud.counts.rejected, count, "{placement:?}: {:?}", cloud.counts);
-        assert!(cloud.pieces.iter().all(|p| p.triangle == 4), "{placement:?}");
+        assert_eq!(
+            cloud.counts.rejected, count,
+            "{placement:?}: {:?}",
+            cloud.counts
+        );
+        assert!(
+            cloud.pieces.iter().all(|p| p.triangle == 4),
+            "{placement:?}"
+        );
         assert_area(&cloud, &Soup(vec![good]), &format!("{placement:?}"));
     }
     // Edges of 1e-19 and 1e18, whose squares leave f32's range or nearly do.
@@ -103,8 +115,14 @@ fn large_triangles_near_the_eye() {
         ("a metre below", around(-1.0, 1.0)),
         ("tilted, crossing the near plane", tilt(around(-0.01, 0.2))),
         ("behind", around(-1.0, 0.0).map(|p| p + DVec3::Z * 2e5)),
-        ("in front, larger than the screen", around(0.0, 0.1).map(|p| DVec3::new(p.x, p.z, -50.0))),
-        ("with a corner at the eye", around(0.0, 0.0).map(|p| p + DVec3::X * (side / 2.0))),
+        (
+            "in front, larger than the screen",
+            around(0.0, 0.1).map(|p| DVec3::new(p.x, p.z, -50.0)),
+        ),
+        (
+            "with a corner at the eye",
+            around(0.0, 0.0).map(|p| p + DVec3::X * (side / 2.0)),
+        ),
     ] {
         let soup = Soup::of(&[triangle]);
         let task = Task::new(&camera, settings(4.0, f32::INFINITY));
@@ -116,7 +134,8 @@ fn large_triangles_near_the_eye() {
             // f32 holds such vertices to 0.004 and the nearest pieces no better, so not each alike: their area by
             // distance, within what moves across a decade's ends with one piece of half its distance.
             let within = |cloud: &mirror::Cloud| {
-                let near = |s: &&mirror::Surfel| s.position.length().log10().floor() as i32 == decade;
+                let near =
+                    |s: &&mirror::Surfel| s.position.length().log10().floor() as i32 == decade;
                 let disks = cloud.surfels.iter().filter(near);
                 disks.map(|s| s.radius * s.radius).sum::<f64>()
             };
@@ -127,7 +146,12 @@ fn large_triangles_near_the_eye() {
             );
         }
         let ratio = f64::from(cloud.counts.surfels) / f64::from(expected.counts.surfels);
-        assert!((ratio - 1.0).abs() < 0.05, "{name}: {:?} for {:?}", cloud.counts, expected.counts);
+        assert!(
+            (ratio - 1.0).abs() < 0.05,
+            "{name}: {:?} for {:?}",
+            cloud.counts,
+            expected.counts
+        );
         // A cloud without room for it all takes an even selection.
         let mut small = task;
         small.capacity.surfels = 100;
@@ -204,8 +228,12 @@ fn scales() {
 }
 
 fn scaled_scene(scale: f64) -> Vec<[DVec3; 3]> {
-    let ground = [[-8.0, -9.0], [-7.0, 8.5], [9.0, 8.0], [8.0, -8.0]].map(|[x, z]| DVec3::new(x, 0.0, z));
-    let mut triangles = vec![[ground[0], ground[1], ground[2]], [ground[0], ground[2], ground[3]]];
+    let ground =
+        [[-8.0, -9.0], [-7.0, 8.5], [9.0, 8.0], [8.0, -8.0]].map(|[x, z]| DVec3::new(x, 0.0, z));
+    let mut triangles = vec![
+        [ground[0], ground[1], ground[2]],
+        [ground[0], ground[2], ground[3]],
+    ];
     triangles.extend(sphere(DVec3::new(0.3, 1.0, 0.0), 0.9, 12));
     triangles.iter().map(|t| t.map(|p| p * scale)).collect()
 }
@@ -248,13 +276,24 @@ fn far_from_the_origin() {
     };
     let found = compare(&fixture().record(&[moved], &task), &expected, RADII);
     println!("by instance: {found:?}");
-    assert!(found.odd_pieces == 0 && found.far == 0 && found.surfels > 1000, "{found:?}");
+    assert!(
+        found.odd_pieces == 0 && found.far == 0 && found.surfels > 1000,
+        "{found:?}"
+    );
 
-    let rounded = Soup::of(&scaled_scene(1.0).iter().map(|t| t.map(|p| p + away)).collect::<Vec<_>>());
+    let rounded = Soup::of(
+        &scaled_scene(1.0)
+            .iter()
+            .map(|t| t.map(|p| p + away))
+            .collect::<Vec<_>>(),
+    );
     let cloud = fixture().record_soup(&rounded, &task);
     let found = compare(&cloud, &rounded.mirrored(&task), RADII);
     println!("by vertices: {found:?}");
-    assert!(found.odd_pieces == 0 && found.far == 0 && found.surfels > 1000, "{found:?}");
+    assert!(
+        found.odd_pieces == 0 && found.far == 0 && found.surfels > 1000,
+        "{found:?}"
+    );
     // To the vertices' own rounding, at most half of 2^-7 a coordinate, and of its mean over three corners.
     let off = cloud.pieces.len().abs_diff(expected.pieces.len());
     assert!(off <= expected.pieces.len() / 10, "{off} pieces differ");
@@ -291,10 +330,22 @@ fn depth_conventions() {
 fn finite(fov: f64, near: f64, far: f64) -> DMat4 {
     let f = 1.0 / (fov / 2.0).tan();
     DMat4::from_cols_array(&[
-        f, 0.0, 0.0, 0.0, //
-        0.0, f, 0.0, 0.0, //
-        0.0, 0.0, far / (near - far), -1.0, //
-        0.0, 0.0, near * far / (near - far), 0.0,
+        f,
+        0.0,
+        0.0,
+        0.0, //
+        0.0,
+        f,
+        0.0,
+        0.0, //
+        0.0,
+        0.0,
+        far / (near - far),
+        -1.0, //
+        0.0,
+        0.0,
+        near * far / (near - far),
+        0.0,
     ])
 }
 
@@ -322,11 +373,17 @@ fn orthographic_cameras() {
         assert_alike(&cloud, &soup.mirrored(&task), &inputs);
         assert_area(&cloud, &soup, &inputs);
         let target = 1.5 * (2.0 * w / f64::from(SIDE) * (2.0 * h / f64::from(SIDE / 2))).sqrt();
-        let large = cloud.surfels.iter().filter(|s| cloud.pieces[s.piece as usize].shape & 0x1000 == 0);
+        let large = cloud
+            .surfels
+            .iter()
+            .filter(|s| cloud.pieces[s.piece as usize].shape & 0x1000 == 0);
         for surfel in large {
             let ratio = surfel.radius / target;
             // 2^(1/4) either way.
-            assert!((0.84..1.19).contains(&ratio), "{inputs}: {ratio}, {surfel:?}");
+            assert!(
+                (0.84..1.19).contains(&ratio),
+                "{inputs}: {ratio}, {surfel:?}"
+            );
         }
     }
 }

@@ -20,10 +20,13 @@ fn indexed_sphere() -> (Vec<DVec3>, Vec<u32>) {
     let mut indices = Vec::new();
     for corner in sphere(DVec3::new(0.5, 0.25, 0.0), 0.7, 8).concat() {
         let corner = (corner * 256.0).round() / 256.0;
-        let index = vertices.iter().position(|v| *v == corner).unwrap_or_else(|| {
-            vertices.push(corner);
-            vertices.len() - 1
-        });
+        let index = vertices
+            .iter()
+            .position(|v| *v == corner)
+            .unwrap_or_else(|| {
+                vertices.push(corner);
+                vertices.len() - 1
+            });
         indices.push(index as u32);
     }
     (vertices, indices)
@@ -37,7 +40,11 @@ fn world_triangles(vertices: &[DVec3], indices: &[u32]) -> Vec<[DVec3; 3]> {
 }
 
 fn camera() -> Camera {
-    look_at(DVec3::new(0.3, 1.0, 4.0), DVec3::ZERO, perspective(50.0, 1.0, 0.1))
+    look_at(
+        DVec3::new(0.3, 1.0, 4.0),
+        DVec3::ZERO,
+        perspective(50.0, 1.0, 0.1),
+    )
 }
 
 fn task(camera: &Camera) -> Task<'_> {
@@ -64,12 +71,21 @@ fn assert_gives(meshes: &[Mesh<'_>], triangles: &[[DVec3; 3]], materials: &[u32]
         triangles,
         materials,
     );
-    assert!(expected.surfels.len() >= triangles.len() / 2, "{inputs}: {:?}", expected.counts);
+    assert!(
+        expected.surfels.len() >= triangles.len() / 2,
+        "{inputs}: {:?}",
+        expected.counts
+    );
     assert_alike(&cloud, &expected, inputs);
 }
 
 /// A vertex buffer with `before` bytes ahead and `stride` bytes a vertex; what lies between holds NaN.
-fn vertex_buffer(vertices: &[DVec3], format: PositionFormat, before: usize, stride: usize) -> Buffer {
+fn vertex_buffer(
+    vertices: &[DVec3],
+    format: PositionFormat,
+    before: usize,
+    stride: usize,
+) -> Buffer {
     let mut bytes = vec![0xff_u8; before];
     for v in vertices {
         let start = bytes.len();
@@ -78,7 +94,12 @@ fn vertex_buffer(vertices: &[DVec3], format: PositionFormat, before: usize, stri
                 bytes.extend(v.as_vec3().to_array().iter().flat_map(|x| x.to_le_bytes()));
             }
             PositionFormat::Float16x4 => {
-                bytes.extend(v.as_vec3().to_array().iter().flat_map(|x| half(*x).to_le_bytes()));
+                bytes.extend(
+                    v.as_vec3()
+                        .to_array()
+                        .iter()
+                        .flat_map(|x| half(*x).to_le_bytes()),
+                );
                 bytes.extend([0xff; 2]);
             }
         }
@@ -95,7 +116,10 @@ fn half(x: f32) -> u16 {
         return sign as u16;
     }
     let exponent = ((bits >> 23) & 0xff) - 112;
-    assert!((1..31).contains(&exponent) && bits.trailing_zeros() >= 13, "{x}");
+    assert!(
+        (1..31).contains(&exponent) && bits.trailing_zeros() >= 13,
+        "{x}"
+    );
     (sign | exponent << 10 | (bits >> 13) & 0x3ff) as u16
 }
 
@@ -110,7 +134,13 @@ fn index_buffer(indices: &[u32], format: IndexFormat, before: usize) -> Buffer {
     fixture().gpu.buffer(&bytes, BufferUsages::STORAGE)
 }
 
-fn mesh<'a>(buffer: &'a Buffer, format: PositionFormat, offset: u64, stride: u32, count: usize) -> Mesh<'a> {
+fn mesh(
+    buffer: &Buffer,
+    format: PositionFormat,
+    offset: u64,
+    stride: u32,
+    count: usize,
+) -> Mesh<'_> {
     Mesh {
         vertices: Vertices {
             buffer,
@@ -142,7 +172,13 @@ fn positions() {
         (PositionFormat::Float16x4, 1028, 12),
     ] {
         let buffer = vertex_buffer(&vertices, format, offset, stride);
-        let mut mesh = mesh(&buffer, format, offset as u64, stride as u32, vertices.len());
+        let mut mesh = mesh(
+            &buffer,
+            format,
+            offset as u64,
+            stride as u32,
+            vertices.len(),
+        );
         mesh.indices = Some(Indices {
             buffer: &index,
             offset: 0,
@@ -180,7 +216,10 @@ fn indices() {
             if base > 0 {
                 assert!(used.iter().all(|&i| i >= base as u32), "{used:?}");
             }
-            let stored: Vec<u32> = indices.iter().map(|&i| i.wrapping_sub(base as u32)).collect();
+            let stored: Vec<u32> = indices
+                .iter()
+                .map(|&i| i.wrapping_sub(base as u32))
+                .collect();
             let index = index_buffer(&stored, format, offset * size);
             let mut mesh = mesh(&buffer, PositionFormat::Float32x3, 0, 12, vertices.len());
             mesh.indices = Some(Indices {
@@ -206,7 +245,10 @@ fn indices() {
     mesh.first = 4;
     mesh.count = 31;
     mesh.base_vertex = -1;
-    let expected: Vec<[DVec3; 3]> = flat[3..33].chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
+    let expected: Vec<[DVec3; 3]> = flat[3..33]
+        .chunks_exact(3)
+        .map(|t| [t[0], t[1], t[2]])
+        .collect();
     assert_gives(&[mesh], &expected, &[0; 10], "no indices");
 }
 
@@ -225,7 +267,11 @@ fn instances() {
         ),
         DAffine3::from_mat3(DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0))),
         DAffine3::from_mat3_translation(
-            DMat3::from_cols(DVec3::X, DVec3::new(0.5, -0.8, 0.0), DVec3::new(0.0, 0.3, 1.0)),
+            DMat3::from_cols(
+                DVec3::X,
+                DVec3::new(0.5, -0.8, 0.0),
+                DVec3::new(0.0, 0.3, 1.0),
+            ),
             DVec3::new(0.0, 1.0, -3.0),
         ),
     ]
@@ -243,10 +289,21 @@ fn instances() {
         for t in &transforms {
             let start = bytes.len();
             // The last row of a Mat4 is ignored: it holds NaN.
-            let column = |i: usize| [t.matrix3.x_axis, t.matrix3.y_axis, t.matrix3.z_axis, t.translation][i];
+            let column = |i: usize| {
+                [
+                    t.matrix3.x_axis,
+                    t.matrix3.y_axis,
+                    t.matrix3.z_axis,
+                    t.translation,
+                ][i]
+            };
             let elements: Vec<f64> = match format {
-                TransformFormat::Mat4 => (0..4).flat_map(|i| column(i).extend(f64::NAN).to_array()).collect(),
-                TransformFormat::Rows3x4 => (0..3).flat_map(|r| (0..4).map(move |i| column(i)[r])).collect(),
+                TransformFormat::Mat4 => (0..4)
+                    .flat_map(|i| column(i).extend(f64::NAN).to_array())
+                    .collect(),
+                TransformFormat::Rows3x4 => (0..3)
+                    .flat_map(|r| (0..4).map(move |i| column(i)[r]))
+                    .collect(),
             };
             bytes.extend(elements.iter().flat_map(|&x| (x as f32).to_le_bytes()));
             bytes.resize(start + stride, 0xff);
@@ -269,10 +326,16 @@ fn instances() {
         let expected: Vec<[DVec3; 3]> = transforms
             .iter()
             .flat_map(|t| {
-                world_triangles(&vertices, &indices).into_iter().map(|corners| {
-                    let [a, b, c] = corners.map(|p| t.transform_point3(p));
-                    if t.matrix3.determinant() < 0.0 { [a, c, b] } else { [a, b, c] }
-                })
+                world_triangles(&vertices, &indices)
+                    .into_iter()
+                    .map(|corners| {
+                        let [a, b, c] = corners.map(|p| t.transform_point3(p));
+                        if t.matrix3.determinant() < 0.0 {
+                            [a, c, b]
+                        } else {
+                            [a, b, c]
+                        }
+                    })
             })
             .collect();
         let inputs = format!("{format:?}, offset {before}, stride {stride}");
@@ -322,10 +385,19 @@ fn meshes_side_by_side() {
         ..part(0, 30, 9)
     };
     let expected = world_triangles(&vertices, &indices);
-    let materials: Vec<u32> = (0..expected.len()).map(|t| if t < 10 { 3 } else { 70_000 }).collect();
+    let materials: Vec<u32> = (0..expected.len())
+        .map(|t| if t < 10 { 3 } else { 70_000 })
+        .collect();
     let rest = indices.len() as u32 - 30;
     assert_gives(
-        &[empty, part(0, 30, 3), no_instance, part(0, 2, 9), part(30, rest, 70_000), empty],
+        &[
+            empty,
+            part(0, 30, 3),
+            no_instance,
+            part(0, 2, 9),
+            part(30, rest, 70_000),
+            empty,
+        ],
         &expected,
         &materials,
         "parts",
@@ -376,7 +448,11 @@ fn indices_out_of_range_are_rejected() {
         });
         mesh.count = 3;
         mesh.base_vertex = base;
-        assert_eq!(rejected(mesh), expected, "{corners:?} with base {base}, {count} vertices");
+        assert_eq!(
+            rejected(mesh),
+            expected,
+            "{corners:?} with base {base}, {count} vertices"
+        );
     }
     let mut plain = mesh(&buffer, PositionFormat::Float32x3, 0, 12, vertices.len());
     plain.count = 12;

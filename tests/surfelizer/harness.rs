@@ -4,7 +4,8 @@ use std::sync::LazyLock;
 
 use deep_screen_space::{
     Camera, CloudCapacity, Error, Geometry, Mesh, Piece, PositionFormat, Surfel, SurfelCloud,
-    SurfelCounts, SurfelSource, Surfelizer, SurfelizerInput, SurfelizerSettings, Vertices, Viewport,
+    SurfelCounts, SurfelSource, Surfelizer, SurfelizerInput, SurfelizerSettings, Vertices,
+    Viewport,
     glam::{DMat4, DVec3, Vec3},
     reference::surfelizer as mirror,
     scenes::Scene,
@@ -49,9 +50,9 @@ impl<'a> Task<'a> {
             cull_by: &[],
             settings,
             capacity: CloudCapacity {
-                surfels: 1 << 17,
-                pieces: 1 << 15,
-                triangles: 1 << 15,
+                surfels: 1 << 16,
+                pieces: 1 << 13,
+                triangles: 1 << 13,
             },
         }
     }
@@ -275,7 +276,8 @@ pub fn look_at(eye: DVec3, target: DVec3, projection: DMat4) -> Camera {
     } else {
         DVec3::Z
     };
-    Camera::look_at(eye, target, up, projection, Viewport::full(SIDE, SIDE)).expect("a plain camera")
+    Camera::look_at(eye, target, up, projection, Viewport::full(SIDE, SIDE))
+        .expect("a plain camera")
 }
 
 /// Straight down on the xz plane with an orthographic camera that sees `half` to each side: a pixel is

@@ -1,9 +1,7 @@
 //! More than a cloud can hold.
 
 use deep_screen_space::{
-    CloudCapacity, SurfelizerSettings,
-    reference::surfelizer as mirror,
-    scenes,
+    CloudCapacity, SurfelizerSettings, reference::surfelizer as mirror, scenes,
 };
 
 use crate::harness::{Soup, Task, corners, disk_area, fixture, scene_camera};
@@ -42,8 +40,15 @@ fn surfels_beyond_capacity_are_counted_and_made_up_for() {
         let ratio = disk_area(&cloud) / soup.area();
         println!("{found}, area {ratio:.4}");
         if stored > 1 {
-            let tolerance = if stored == needed { 1e-4 } else { 2.0 / f64::from(stored).sqrt() };
-            assert!((ratio - 1.0).abs() < tolerance.min(0.05), "{found}: area {ratio}");
+            let tolerance = if stored == needed {
+                1e-4
+            } else {
+                2.0 / f64::from(stored).sqrt()
+            };
+            assert!(
+                (ratio - 1.0).abs() < tolerance.min(0.05),
+                "{found}: area {ratio}"
+            );
         }
         // Which ones stay is the mirror's choice too.
         let expected = soup.mirrored(&task);
@@ -61,8 +66,15 @@ fn surfels_beyond_capacity_are_counted_and_made_up_for() {
 /// Every stretch of the full list keeps its share: none is the tail that is lost.
 #[test]
 fn what_stays_is_spread_over_the_list() {
-    for (total, capacity) in [(100_000_u32, 1000), (1001, 1000), (4000, 3999), (3_000_000_000, 777)] {
-        let kept: Vec<u32> = (0..capacity).map(|room| mirror::item_of(room, total, capacity)).collect();
+    for (total, capacity) in [
+        (100_000_u32, 1000),
+        (1001, 1000),
+        (4000, 3999),
+        (3_000_000_000, 777),
+    ] {
+        let kept: Vec<u32> = (0..capacity)
+            .map(|room| mirror::item_of(room, total, capacity))
+            .collect();
         for (room, &item) in kept.iter().enumerate() {
             let even = room as f64 * f64::from(total) / f64::from(capacity);
             let stretch = f64::from(total) / f64::from(capacity);
@@ -86,7 +98,9 @@ fn what_stays_is_spread_over_the_list() {
     println!("pieces kept of each tenth of the triangles: {tenths:?} of {total}");
     let mean = f64::from(total / 4) / 10.0;
     assert!(
-        tenths.iter().all(|&n| (f64::from(n) / mean - 1.0).abs() < 0.15),
+        tenths
+            .iter()
+            .all(|&n| (f64::from(n) / mean - 1.0).abs() < 0.15),
         "{tenths:?} of {total}"
     );
 }
@@ -102,14 +116,25 @@ fn pieces_beyond_capacity_are_counted_and_made_up_for() {
         let cloud = fixture().record_soup(&soup, &task);
         let found = format!("{needed} pieces in {capacity}: {:?}", cloud.counts);
         assert_eq!(cloud.counts.pieces, needed, "{found}");
-        assert_eq!(cloud.counts.piece_overflow(task.capacity), needed - capacity, "{found}");
+        assert_eq!(
+            cloud.counts.piece_overflow(task.capacity),
+            needed - capacity,
+            "{found}"
+        );
         assert_eq!(cloud.counts.overflow(), 0, "{found}");
         let ratio = disk_area(&cloud) / soup.area();
         println!("{found}, area {ratio:.4}");
         // The ground's triangles are two sizes; the rocks' differ.
         if capacity > 1 {
-            let tolerance = if capacity == needed { 1e-4 } else { 2.0 / f64::from(capacity).sqrt() };
-            assert!((ratio - 1.0).abs() < tolerance.min(0.05), "{found}: area {ratio}");
+            let tolerance = if capacity == needed {
+                1e-4
+            } else {
+                2.0 / f64::from(capacity).sqrt()
+            };
+            assert!(
+                (ratio - 1.0).abs() < tolerance.min(0.05),
+                "{found}: area {ratio}"
+            );
         }
         let expected = soup.mirrored(&task);
         assert_eq!(expected.counts, cloud.counts);
@@ -135,5 +160,8 @@ fn the_smallest_cloud_works() {
     let [surfel] = cloud.surfels[..] else {
         panic!("{:?}", cloud.counts);
     };
-    assert!(surfel.position.is_finite() && surfel.radius > 0.0, "{surfel:?}");
+    assert!(
+        surfel.position.is_finite() && surfel.radius > 0.0,
+        "{surfel:?}"
+    );
 }

@@ -21,7 +21,7 @@ fn two_runs_agree_in_every_bit() {
     let camera = scene_camera(&scene, 1);
     let mut task = Task::new(&camera, SurfelizerSettings::default());
     // Both with room, and with an overflow of surfels and pieces.
-    for (surfels, pieces) in [(1 << 17, 1 << 15), (3000, 500)] {
+    for (surfels, pieces) in [(1 << 16, 1 << 13), (3000, 500)] {
         task.capacity.surfels = surfels;
         task.capacity.pieces = pieces;
         let runs = [(); 2].map(|()| {
@@ -59,7 +59,13 @@ fn a_cloud_is_used_again() {
     for _ in 0..2 {
         fixture()
             .surfelizer
-            .record(&gpu.device, &mut encoder, &input, &task.settings, &mut cloud)
+            .record(
+                &gpu.device,
+                &mut encoder,
+                &input,
+                &task.settings,
+                &mut cloud,
+            )
             .expect("valid");
     }
     gpu.finish(encoder);
@@ -116,11 +122,18 @@ fn a_small_step_of_the_camera_keeps_the_surfels() {
             let cloud = fixture().record_soup(&soup, &Task::new(&camera, settings));
             cells(&cloud, eye)
         };
-        let steps: Vec<Vec<I64Vec3>> = (0..=8).map(at).collect();
-        let shares: Vec<f64> = steps.windows(2).map(|w| share_that_moved(&w[0], &w[1])).collect();
+        let steps: Vec<Vec<I64Vec3>> = (0..=5).map(at).collect();
+        let shares: Vec<f64> = steps
+            .windows(2)
+            .map(|w| share_that_moved(&w[0], &w[1]))
+            .collect();
         let mean = shares.iter().sum::<f64>() / shares.len() as f64;
         let worst = shares.iter().copied().fold(0.0, f64::max);
-        println!("{} {placement:?}: mean {mean:.4}, worst {worst:.4} of {}", scene.name, steps[0].len());
+        println!(
+            "{} {placement:?}: mean {mean:.4}, worst {worst:.4} of {}",
+            scene.name,
+            steps[0].len()
+        );
         assert!(
             worst <= SHARE_A_STEP && mean <= SHARE_ON_AVERAGE,
             "{} {placement:?}: {shares:?}",

@@ -53,8 +53,8 @@ fn radii_are_those_asked_for() {
             .map(|s| s.radius / (f64::from(radius_pixels) * footprint.at(s.position)))
             .collect();
         ratios.sort_by(f64::total_cmp);
-        let beyond = ratios.iter().filter(|r| (*r - 1.0).abs() > OFF).count() as f64
-            / ratios.len() as f64;
+        let beyond =
+            ratios.iter().filter(|r| (*r - 1.0).abs() > OFF).count() as f64 / ratios.len() as f64;
         let at = |share: f64| ratios[((ratios.len() - 1) as f64 * share) as usize];
         let found = format!(
             "eye {eye}, {radius_pixels} pixels: {:?}, {:.2} % beyond, from {:.3} by {:.3} {:.3} {:.3} to {:.3}",
