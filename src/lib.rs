@@ -1,5 +1,78 @@
-//! Ambient occlusion and indirect light for wgpu.
-#![doc = ""]
+//! Ambient occlusion for wgpu from surfels: small disks on all surfaces of a scene, so that what is hidden, off screen
+//! or edge-on occludes like what is seen (Nalbach, Ritschel and Seidel, *Deep Screen Space*, 2014).
+//!
+//! Three passes, each of which records into the caller's encoder and owns only what it makes:
+//!
+//! * [`Surfelizer`]: the caller's triangles become a [`SurfelCloud`], finer near the camera than far from it.
+//! * [`ShellSplatter`]: sums over the surfels for every pixel of the caller's G-buffer, near ones at full resolution and
+//!   far ones ever more coarsely. What a surfel adds to a pixel is an [`Effect`], the crate's ([`AmbientOcclusion`]) or
+//!   one of the caller's, in WGSL.
+//! * [`Reconstructor`]: the sums smoothed, added up and written into the caller's texture.
+//!
+//! # Conventions
+//!
+//! * **Spaces.** The caller's world is in `f64` on the CPU ([`Camera`]). On the GPU all positions are in eye space: axes
+//!   of the world, origin at the eye of the camera that the cloud was recorded for. Front faces wind counter-clockwise.
+//! * **Depth** is what the projection makes of it. Forward or reversed, finite or infinite, perspective or orthographic
+//!   is read off the matrix; a pixel at the far end of the depth range is sky.
+//! * **Images** have row 0 on top. Only the camera's viewport is read and written.
+//! * **Requirements.** Nothing beyond `Limits::default()`, and no feature. `SUBGROUP` is used where the caller asks for
+//!   it, and timestamps are written where it passes a query set.
+//! * **Errors.** What cannot be honoured is an [`Error`] that names the thing, its value and what is accepted, before
+//!   anything is recorded. What the GPU alone can find, such as surfels that found no room, is counted in
+//!   [`SurfelCounts`], for the caller to read when it likes.
+//! * **Determinism.** The same input on the same device gives the same bits: no sum depends on the order of threads.
+//! * **Lifetimes.** Passes hold pipelines and serve any number of scenes and views. Uniforms are made anew by each
+//!   recording, so that several may go into one encoder.
+//!
+//! # Example
+//!
+//! ```no_run
+//! use deep_screen_space::*;
+//!
+//! /// Ambient occlusion of `meshes` into `target`, an `R8Unorm` texture of the G-buffer's size.
+//! fn occlude(
+//!     device: &wgpu::Device,
+//!     encoder: &mut wgpu::CommandEncoder,
+//!     meshes: &[Mesh<'_>],
+//!     camera: &Camera,
+//!     gbuffer: GBuffer<'_>,
+//!     target: &wgpu::TextureView,
+//! ) -> Result<(), Error> {
+//!     // Once: pipelines.
+//!     let effect = AmbientOcclusion::default().effect();
+//!     let surfelizer = Surfelizer::new(device, None)?;
+//!     let descriptor = ShellSplatterDescriptor { effect: &effect, subgroups: false, statistics: false, cache: None };
+//!     let splatter = ShellSplatter::new(device, &descriptor)?;
+//!     let reconstructor = Reconstructor::new(device, &effect, wgpu::TextureFormat::R8Unorm, None)?;
+//!
+//!     // Once a scene and a view: room.
+//!     let splat = SplatSettings { radius: 2.0, ..Default::default() };
+//!     let settings = SurfelizerSettings { reach: ShellSplatter::reach(&splat), ..Default::default() };
+//!     let geometry = Geometry { meshes };
+//!     let triangles = geometry.triangles();
+//!     let capacity = CloudCapacity { surfels: 1 << 20, pieces: triangles + 10_000, triangles };
+//!     let mut cloud = surfelizer.create_cloud(device, capacity)?;
+//!     let clusters = splatter.create_clusters(device, &cloud, splat.levels)?;
+//!     let viewport = camera.viewport();
+//!     let sums = splatter.create_view(device, viewport.width, viewport.height, splat.levels)?;
+//!     let scratch = reconstructor.create_view(device, viewport.width, viewport.height, splat.levels)?;
+//!
+//!     // Every frame: four recordings.
+//!     let input = SurfelizerInput { geometry, camera, cull_by: &[*camera], timestamps: None };
+//!     surfelizer.record(device, encoder, &input, &settings, &mut cloud)?;
+//!     splatter.record_clusters(device, encoder, &cloud, None, &splat, &clusters, None)?;
+//!     let (cloud, clusters) = (&cloud, &clusters);
+//!     let input = SplatInput { gbuffer, camera, cloud, clusters, materials: None, timestamps: None };
+//!     splatter.record(device, encoder, &input, &splat, &sums)?;
+//!     let (sums, levels) = (&sums, splat.levels);
+//!     let input = ReconstructorInput { gbuffer, camera, cloud, sums, levels, target, timestamps: None };
+//!     reconstructor.record(device, encoder, &input, &Default::default(), &scratch)
+//! }
+//! ```
+//!
+//! `examples/minimal.rs` is the same as a program. With the feature `reference` come the mirrors of all passes in `f64`
+//! and a ray tracer for the truth; with `scenes`, scenes made in code.
 
 pub use glam;
 pub use wgpu;
