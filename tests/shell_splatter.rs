@@ -1,5 +1,7 @@
 //! The ShellSplatter: GPU against the f64 mirror, against closed forms, and at the extremes.
 
+mod shot;
+
 #[path = "../examples/support/mod.rs"]
 mod support;
 
@@ -10,14 +12,13 @@ use deep_screen_space::{
     glam::DVec3,
     reference::{
         effects::{self, Sender},
-        gbuffer,
         packing::unpack_normal,
         shell_splatter::{Disk, Receiver, splat},
-        trace::Tracer,
     },
     scenes::{self, Scene},
     wgpu,
 };
+use shot::{Shot, camera_of};
 use support::{
     gpu::{Ask, Gpu},
     raster::perspective,
@@ -26,72 +27,6 @@ use support::{
 
 fn gpu() -> Gpu {
     Gpu::open(Ask::from_env()).expect("a graphics adapter; scripts/test.sh installs one")
-}
-
-/// A scene, a camera, and the G-buffer that it sees, ray-cast.
-struct Shot {
-    buffers: SceneBuffers,
-    camera: Camera,
-    depth: wgpu::TextureView,
-    normal: wgpu::TextureView,
-}
-
-fn camera_of(scene: &Scene, view: usize, [width, height]: [u32; 2]) -> Camera {
-    let view = &scene.views[view];
-    Camera::look_at(
-        view.eye.into(),
-        view.target.into(),
-        view.up.into(),
-        perspective(
-            view.vertical_fov_degrees,
-            f64::from(width) / f64::from(height),
-            view.near,
-        ),
-        Viewport::full(width, height),
-    )
-    .expect("a scene's own view")
-}
-
-impl Shot {
-    fn new(gpu: &Gpu, scene: &Scene, camera: Camera) -> Self {
-        let tracer = Tracer::new(&scene.positions, &scene.indices).expect("a scene");
-        let pixels = gbuffer::cast(
-            &camera,
-            &tracer,
-            &scene.positions,
-            &scene.normals,
-            &scene.indices,
-        );
-        let depth: Vec<f32> = pixels
-            .iter()
-            .map(|p| p.map_or(camera.background_depth(), |p| p.depth as f32))
-            .collect();
-        let normal: Vec<[f32; 4]> = pixels
-            .iter()
-            .map(|p| {
-                p.map_or([0.0; 4], |p| {
-                    p.receiver.shading_normal.as_vec3().extend(0.0).to_array()
-                })
-            })
-            .collect();
-        let Viewport { width, height, .. } = camera.viewport();
-        Self {
-            buffers: SceneBuffers::new(gpu, scene),
-            camera,
-            depth: gpu.texture(wgpu::TextureFormat::R32Float, width, height, &depth),
-            normal: gpu.texture(wgpu::TextureFormat::Rgba32Float, width, height, &normal),
-        }
-    }
-
-    fn gbuffer(&self) -> deep_screen_space::GBuffer<'_> {
-        deep_screen_space::GBuffer {
-            depth: &self.depth,
-            normal: &self.normal,
-            normal_encoding: deep_screen_space::NormalEncoding::Signed,
-            normal_space: deep_screen_space::NormalSpace::World,
-            albedo: None,
-        }
-    }
 }
 
 /// What a run leaves.
@@ -748,11 +683,10 @@ fn scale_and_place_change_nothing() {
     )
     .total(&gpu, 1);
     for (scale, shift, tolerance) in [
-        (1e-4_f64, DVec3::ZERO, 2e-3),
-        (1e5, DVec3::ZERO, 2e-3),
-        // Vertices at 1e5 are multiples of 1/128, and the box of 5 units moves by as much: contact shadows of 2 pixels
-        // (4 cm) change, nothing worse.
-        (1.0, DVec3::new(1e5, -1e5, 1e5), 0.1),
+        (1e-4_f64, DVec3::ZERO, 1e-5),
+        (1e5, DVec3::ZERO, 1e-5),
+        // Vertices at 1e5 are multiples of 1/128, so that walls of a room of 5 units move by up to 1/256.
+        (1.0, DVec3::new(1e5, -1e5, 1e5), 0.01),
     ] {
         let place = |p: [f32; 3]| {
             (DVec3::from(p.map(f64::from)) * scale + shift)

@@ -1,0 +1,245 @@
+//! A scene, a camera and the G-buffer that it sees, ray-cast; and the passes wired for ambient occlusion.
+
+// Each user needs a part of it.
+#![allow(dead_code)]
+
+use deep_screen_space::{
+    AmbientOcclusion, Camera, CloudCapacity, GBuffer, Geometry, NormalEncoding, NormalSpace,
+    Reconstructor, ReconstructorInput, ReconstructorSettings, ShellSplatter,
+    ShellSplatterDescriptor, SplatInput, SplatSettings, SurfelCounts, Surfelizer, SurfelizerInput,
+    SurfelizerSettings, Viewport,
+    reference::{
+        gbuffer::{self, Pixel},
+        trace::Tracer,
+    },
+    scenes::Scene,
+    wgpu,
+};
+
+use crate::support::{gpu::Gpu, raster::perspective, scene::SceneBuffers};
+
+/// What the passes are given.
+pub struct Shot {
+    pub buffers: SceneBuffers,
+    pub camera: Camera,
+    pub pixels: Vec<Option<Pixel>>,
+    pub tracer: Tracer,
+    pub depth: wgpu::TextureView,
+    pub normal: wgpu::TextureView,
+}
+
+/// One of a scene's own views.
+pub fn camera_of(scene: &Scene, view: usize, [width, height]: [u32; 2]) -> Camera {
+    let view = &scene.views[view];
+    Camera::look_at(
+        view.eye.into(),
+        view.target.into(),
+        view.up.into(),
+        perspective(
+            view.vertical_fov_degrees,
+            f64::from(width) / f64::from(height),
+            view.near,
+        ),
+        Viewport::full(width, height),
+    )
+    .expect("a scene's own view")
+}
+
+impl Shot {
+    pub fn new(gpu: &Gpu, scene: &Scene, camera: Camera) -> Self {
+        let tracer = Tracer::new(&scene.positions, &scene.indices).expect("a scene");
+        let pixels = gbuffer::cast(
+            &camera,
+            &tracer,
+            &scene.positions,
+            &scene.normals,
+            &scene.indices,
+        );
+        let depth: Vec<f32> = pixels
+            .iter()
+            .map(|p| p.map_or(camera.background_depth(), |p| p.depth as f32))
+            .collect();
+        let normal: Vec<[f32; 4]> = pixels
+            .iter()
+            .map(|p| {
+                p.map_or([0.0; 4], |p| {
+                    p.receiver.shading_normal.as_vec3().extend(0.0).to_array()
+                })
+            })
+            .collect();
+        let mut shot = Self {
+            buffers: SceneBuffers::new(gpu, scene),
+            camera,
+            pixels,
+            tracer,
+            depth: gpu.target(wgpu::TextureFormat::R32Float, 1, 1),
+            normal: gpu.target(wgpu::TextureFormat::R32Float, 1, 1),
+        };
+        shot.upload(gpu, &depth, &normal);
+        shot
+    }
+
+    /// Replaces the G-buffer's texels.
+    pub fn upload(&mut self, gpu: &Gpu, depth: &[f32], normal: &[[f32; 4]]) {
+        let Viewport { width, height, .. } = self.camera.viewport();
+        self.depth = gpu.texture(wgpu::TextureFormat::R32Float, width, height, depth);
+        self.normal = gpu.texture(wgpu::TextureFormat::Rgba32Float, width, height, normal);
+    }
+
+    pub fn gbuffer(&self) -> GBuffer<'_> {
+        GBuffer {
+            depth: &self.depth,
+            normal: &self.normal,
+            normal_encoding: NormalEncoding::Signed,
+            normal_space: NormalSpace::World,
+            albedo: None,
+        }
+    }
+}
+
+/// Settings of all passes.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    pub surfelizer: SurfelizerSettings,
+    pub splat: SplatSettings,
+    pub reconstructor: ReconstructorSettings,
+    pub capacity: CloudCapacity,
+}
+
+impl Settings {
+    pub fn new(radius_pixels: f32, splat: SplatSettings) -> Self {
+        Self {
+            surfelizer: SurfelizerSettings {
+                radius_pixels,
+                ..SurfelizerSettings::default()
+            },
+            splat,
+            reconstructor: ReconstructorSettings::default(),
+            capacity: CloudCapacity {
+                surfels: 1 << 18,
+                pieces: 1 << 17,
+                triangles: 1 << 17,
+            },
+        }
+    }
+}
+
+/// Pipelines for ambient occlusion into `R32Float`.
+pub struct Passes {
+    surfelizer: Surfelizer,
+    splatter: ShellSplatter,
+    reconstructor: Reconstructor,
+}
+
+impl Passes {
+    pub fn new(gpu: &Gpu, effect: AmbientOcclusion) -> Self {
+        let device = &gpu.device;
+        let effect = effect.effect();
+        Self {
+            surfelizer: Surfelizer::new(device, None).expect("pipelines"),
+            splatter: ShellSplatter::new(
+                device,
+                &ShellSplatterDescriptor {
+                    effect: &effect,
+                    subgroups: device.features().contains(wgpu::Features::SUBGROUP),
+                    statistics: false,
+                    cache: None,
+                },
+            )
+            .expect("pipelines"),
+            reconstructor: Reconstructor::new(device, &effect, wgpu::TextureFormat::R32Float, None)
+                .expect("pipelines"),
+        }
+    }
+
+    /// A frame in one submission: visibility, and what the surfelizer counted.
+    pub fn render(&self, gpu: &Gpu, shot: &Shot, settings: &Settings) -> (Vec<f32>, SurfelCounts) {
+        let device = &gpu.device;
+        let Viewport { width, height, .. } = shot.camera.viewport();
+        let levels = settings.splat.levels;
+        let mut cloud = self
+            .surfelizer
+            .create_cloud(device, settings.capacity)
+            .expect("a cloud");
+        let clusters = self
+            .splatter
+            .create_clusters(device, &cloud, levels)
+            .expect("clusters");
+        let sums = self
+            .splatter
+            .create_view(device, width, height, levels)
+            .expect("a view");
+        let scratch = self
+            .reconstructor
+            .create_view(device, width, height, levels)
+            .expect("a view");
+        let target = gpu.target(wgpu::TextureFormat::R32Float, width, height);
+        let mut encoder = gpu.encoder();
+        self.surfelizer
+            .record(
+                device,
+                &mut encoder,
+                &SurfelizerInput {
+                    geometry: Geometry {
+                        meshes: &shot.buffers.meshes(),
+                    },
+                    camera: &shot.camera,
+                    cull_by: &[shot.camera],
+                    timestamps: None,
+                },
+                &SurfelizerSettings {
+                    reach: ShellSplatter::reach(&settings.splat),
+                    ..settings.surfelizer
+                },
+                &mut cloud,
+            )
+            .expect("surfels");
+        self.splatter
+            .record_clusters(
+                device,
+                &mut encoder,
+                &cloud,
+                None,
+                &settings.splat,
+                &clusters,
+                None,
+            )
+            .expect("clusters");
+        self.splatter
+            .record(
+                device,
+                &mut encoder,
+                &SplatInput {
+                    gbuffer: shot.gbuffer(),
+                    camera: &shot.camera,
+                    cloud: &cloud,
+                    clusters: &clusters,
+                    materials: None,
+                    timestamps: None,
+                },
+                &settings.splat,
+                &sums,
+            )
+            .expect("sums");
+        self.reconstructor
+            .record(
+                device,
+                &mut encoder,
+                &ReconstructorInput {
+                    gbuffer: shot.gbuffer(),
+                    camera: &shot.camera,
+                    cloud: &cloud,
+                    sums: &sums,
+                    levels,
+                    target: &target,
+                    timestamps: None,
+                },
+                &settings.reconstructor,
+                &scratch,
+            )
+            .expect("a picture");
+        gpu.finish(encoder);
+        let counts: Vec<SurfelCounts> = gpu.read_buffer(cloud.counters());
+        (gpu.read_texture(target.texture(), 0), counts[0])
+    }
+}
