@@ -1,11 +1,15 @@
 //! The camera and the G-buffer contract: every kind of projection, size and format, on the CPU and as the GPU decodes it.
 
+// Exact values are meant where floats are compared for equality.
+#![allow(clippy::float_cmp)]
+
 mod passes;
 #[path = "../examples/support/mod.rs"]
 mod support;
 
 use std::f64::consts::FRAC_PI_3;
 
+use NormalEncoding::{Octahedral, OctahedralUnsigned, Signed, Unsigned};
 use deep_screen_space::{
     AmbientOcclusion, Camera, Error, GBuffer, NormalEncoding, NormalSpace, Viewport,
     glam::{
@@ -127,6 +131,7 @@ impl Case {
     }
 }
 
+#[allow(clippy::too_many_lines)] // A table.
 fn cases() -> Vec<Case> {
     let aspect = 1.3;
     let fov = FRAC_PI_3;
@@ -731,7 +736,6 @@ fn every_normal_encoding_is_read() {
     let camera = case.camera(size);
     passes.emit(&gpu, &camera, &[DVec3::X], 1);
     let depth = gpu.texture(Format::R32Float, size[0], size[1], &vec![0.02_f32; 31 * 17]);
-    use NormalEncoding::{Octahedral, OctahedralUnsigned, Signed, Unsigned};
     // How far off a unit vector each format's rounding may leave a component, doubled where 0…1 stands for −1…1 and
     // doubled again by the octahedron's stretch; three components.
     for (format, encoding, step) in [
@@ -951,45 +955,66 @@ fn refused(result: Result<(), Error>, kind: &str, thing: &str, accepted: &str) {
     );
 }
 
-#[test]
-fn textures_that_do_not_fit_are_refused() {
-    let gpu = gpu();
-    let device = &gpu.device;
-    let size = [8, 8];
-    let viewport = Viewport::full(8, 8);
-    let bind = TextureUsages::TEXTURE_BINDING;
-    let view = |t: wgpu::Texture| t.create_view(&wgpu::TextureViewDescriptor::default());
-    let plain = |format| view(texture(&gpu, format, size, bind));
-    let depth = plain(Format::Depth32Float);
-    let normal = plain(Format::Rgba16Float);
-    let good = GBuffer {
-        depth: &depth,
-        normal: &normal,
-        normal_encoding: NormalEncoding::Signed,
-        normal_space: NormalSpace::World,
-        albedo: None,
-    };
-    good.validate(viewport).expect("it fits");
+/// What is refused of a G-buffer that is good but for one view.
+struct Checks {
+    gpu: Gpu,
+    depth: wgpu::TextureView,
+    normal: wgpu::TextureView,
+}
 
+impl Checks {
+    const SIZE: [u32; 2] = [8, 8];
+    const VIEWPORT: Viewport = Viewport::full(8, 8);
+
+    fn new() -> Self {
+        let gpu = gpu();
+        let checks = Self {
+            depth: Self::plain(&gpu, Format::Depth32Float),
+            normal: Self::plain(&gpu, Format::Rgba16Float),
+            gpu,
+        };
+        checks.good().validate(Self::VIEWPORT).expect("it fits");
+        checks
+    }
+
+    fn plain(gpu: &Gpu, format: Format) -> wgpu::TextureView {
+        texture(gpu, format, Self::SIZE, TextureUsages::TEXTURE_BINDING)
+            .create_view(&wgpu::TextureViewDescriptor::default())
+    }
+
+    fn good(&self) -> GBuffer<'_> {
+        GBuffer {
+            depth: &self.depth,
+            normal: &self.normal,
+            normal_encoding: Signed,
+            normal_space: NormalSpace::World,
+            albedo: None,
+        }
+    }
+}
+
+#[test]
+fn formats_that_do_not_fit_are_refused() {
+    let checks = Checks::new();
+    let good = checks.good();
     for format in [
         Format::R16Float,
         Format::Rgba32Float,
         Format::R32Uint,
         Format::Stencil8,
     ] {
-        let depth = plain(format);
+        let depth = Checks::plain(&checks.gpu, format);
         let bad = GBuffer {
             depth: &depth,
             ..good
         };
         refused(
-            bad.validate(viewport),
+            bad.validate(Checks::VIEWPORT),
             "Format",
             "GBuffer::depth",
             "a depth format or R32Float",
         );
     }
-    use NormalEncoding::{Octahedral, OctahedralUnsigned, Signed, Unsigned};
     for (format, encoding) in [
         (Format::Rg16Float, Signed),
         (Format::Rgba8Unorm, Signed),
@@ -1005,39 +1030,47 @@ fn textures_that_do_not_fit_are_refused() {
         (Format::Rg8Uint, OctahedralUnsigned),
         (Format::Depth32Float, Signed),
     ] {
-        let normal = plain(format);
+        let normal = Checks::plain(&checks.gpu, format);
         let bad = GBuffer {
             normal: &normal,
             normal_encoding: encoding,
             ..good
         };
         refused(
-            bad.validate(viewport),
+            bad.validate(Checks::VIEWPORT),
             "Format",
             "GBuffer::normal",
             "format with t",
         );
     }
     for format in [Format::R8Unorm, Format::Rgba8Uint, Format::Rg16Float] {
-        let albedo = plain(format);
+        let albedo = Checks::plain(&checks.gpu, format);
         let bad = GBuffer {
             albedo: Some(&albedo),
             ..good
         };
         refused(
-            bad.validate(viewport),
+            bad.validate(Checks::VIEWPORT),
             "Format",
             "GBuffer::albedo",
             "three components",
         );
     }
+}
+
+#[test]
+fn textures_that_do_not_fit_are_refused() {
+    let checks = Checks::new();
+    let good = checks.good();
+    let (size, viewport) = (Checks::SIZE, Checks::VIEWPORT);
+    let bind = TextureUsages::TEXTURE_BINDING;
     for (format, name) in [
         (Format::Depth32Float, "GBuffer::depth"),
         (Format::Rgba16Float, "GBuffer::normal"),
         (Format::Rgba8Unorm, "GBuffer::albedo"),
     ] {
         let with = |texture: wgpu::Texture, viewport| {
-            let view = view(texture);
+            let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
             match name {
                 "GBuffer::depth" => GBuffer {
                     depth: &view,
@@ -1057,7 +1090,7 @@ fn textures_that_do_not_fit_are_refused() {
             }
         };
         let plain = descriptor(format, size, bind);
-        let make = |d: &wgpu::TextureDescriptor<'_>| device.create_texture(d);
+        let make = |d: &wgpu::TextureDescriptor<'_>| checks.gpu.device.create_texture(d);
         with(make(&plain), viewport).expect(name);
 
         let unusable = descriptor(format, size, TextureUsages::RENDER_ATTACHMENT);

@@ -12,7 +12,7 @@ use crate::{
     error::{Error, check_limit},
     gbuffer::{GBuffer, NormalEncoding, NormalSpace},
     gpu::{
-        Kernel, Timestamps,
+        Kernel,
         binding::{self, FLOAT_2D, UNIFORM, view, whole},
         compute_pass, shader, uniform,
     },
@@ -148,7 +148,6 @@ impl ReceiversPass {
         camera: &Camera,
         origin: DVec3,
         receivers: &Receivers,
-        timestamps: Option<Timestamps<'_>>,
     ) {
         let params = uniform(
             device,
@@ -177,7 +176,7 @@ impl ReceiversPass {
                 (3, view(&receivers.view)),
             ],
         );
-        let mut pass = compute_pass(encoder, LABEL, timestamps);
+        let mut pass = compute_pass(encoder, LABEL, None);
         pass.set_pipeline(&self.prepare);
         pass.set_bind_group(0, &group, &[]);
         pass.dispatch_workgroups(

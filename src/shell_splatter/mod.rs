@@ -424,7 +424,6 @@ impl ShellSplatter {
             input.camera,
             input.cloud.origin(),
             &view.receivers,
-            None,
         );
         let mut pass = compute_pass(encoder, &label(&self.effect, "splat"), input.timestamps);
         for level in 0..settings.levels {
