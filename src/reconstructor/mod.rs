@@ -30,6 +30,9 @@ const LABEL: &str = "deep-screen-space reconstructor";
 
 /// Smooths level sums, adds them up and writes the effect into the caller's texture.
 ///
+/// A sum that is not finite, since the effect overflowed or gave NaN, counts for nothing: on level 0 it is taken as 0,
+/// on the others its pixel gets its neighbours' mean, or 0 where it has none. It never spreads.
+///
 /// Holds pipelines only, for one effect and one target format; one serves any number of views.
 #[derive(Debug)]
 pub struct Reconstructor {
@@ -61,7 +64,7 @@ struct Scratch {
 }
 
 impl ReconstructorView {
-    /// GPU memory that it owns, bytes.
+    /// GPU memory that it owns, bytes: one plane of sums a level, nothing with one level.
     pub fn memory_bytes(&self) -> u64 {
         if self.scratch.is_some() {
             plane_bytes(self.format, self.size, self.levels)
