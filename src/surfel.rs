@@ -104,6 +104,8 @@ pub struct SurfelCloud {
     pub(crate) sources: Buffer,
     pub(crate) pieces: Buffer,
     pub(crate) counters: Buffer,
+    /// The indirect dispatch that writes the surfels.
+    pub(crate) emission: Buffer,
     pub(crate) triangle_offsets: ScanBuffer,
     pub(crate) piece_offsets: ScanBuffer,
 }
@@ -161,6 +163,12 @@ impl SurfelCloud {
                 size_of::<SurfelCounts>() as u64,
                 read | BufferUsages::COPY_DST,
             )?,
+            emission: storage(
+                device,
+                "deep-screen-space surfel dispatch",
+                12,
+                BufferUsages::INDIRECT,
+            )?,
             triangle_offsets: scan.buffer(
                 device,
                 "deep-screen-space piece offsets of triangles",
@@ -206,7 +214,13 @@ impl SurfelCloud {
 
     /// GPU memory that it owns, bytes.
     pub fn memory_bytes(&self) -> u64 {
-        [&self.surfels, &self.sources, &self.pieces, &self.counters]
+        [
+            &self.surfels,
+            &self.sources,
+            &self.pieces,
+            &self.counters,
+            &self.emission,
+        ]
             .iter()
             .map(|b| b.size())
             .sum::<u64>()

@@ -4,7 +4,7 @@
 //   (prefix sum)
 //   emit_pieces     the same walk again: writes the pieces and how many surfels each gives
 //   (prefix sum)
-//   finish          one thread: totals for the caller
+//   finish          one thread: totals for the caller, and how many workgroups the last stage needs
 //   emit_surfels    a thread a surfel: finds its piece, walks down to its leaf, places the disk
 //
 // A surface's area is cut so that a surfel covers `radius_pixels` pixels at its Euclidean distance from the eye. Large
@@ -79,6 +79,8 @@ struct Mesh {
 
 @group(1) @binding(5) var<storage, read_write> surfels: array<vec4f>;
 @group(1) @binding(6) var<storage, read_write> sources: array<SurfelSource>;
+// The indirect dispatch of emit_surfels.
+@group(1) @binding(7) var<storage, read_write> emission: array<u32, 3>;
 
 alias Counter = atomic<u32>;
 
@@ -547,6 +549,8 @@ fn finish() {
   let total = piece_offsets[params.piece_capacity];
   counters.surfels = total;
   counters.stored = min(total, params.surfel_capacity);
+  let workgroups = (counters.stored + 63u) / 64u;
+  emission = array<u32, 3>(min(workgroups, DISPATCH_ROW), (workgroups + DISPATCH_ROW - 1u) / DISPATCH_ROW, 1u);
 }
 
 // A point of a piece's bisection tree of depth `order`: bit d of `leaf` is the side taken at depth d.

@@ -38,6 +38,7 @@ const LABEL: &str = "deep-screen-space surfelizer";
 pub struct Surfelizer {
     cloud_layout: wgpu::BindGroupLayout,
     mesh_layout: wgpu::BindGroupLayout,
+    finish_layout: wgpu::BindGroupLayout,
     surfel_layout: wgpu::BindGroupLayout,
     count_pieces: ComputePipeline,
     emit_pieces: ComputePipeline,
@@ -85,6 +86,7 @@ impl Surfelizer {
             stages,
             &[(0, UNIFORM), (1, READ), (2, READ), (3, READ), (4, WRITE)],
         );
+        let finish_layout = binding::layout(device, LABEL, stages, &[(7, WRITE)]);
         let surfel_layout = binding::layout(device, LABEL, stages, &[(5, WRITE), (6, WRITE)]);
         let module = shader::create(
             device,
@@ -105,11 +107,12 @@ impl Surfelizer {
         Ok(Self {
             count_pieces: kernel("count_pieces", &[&cloud_layout, &mesh_layout]),
             emit_pieces: kernel("emit_pieces", &[&cloud_layout, &mesh_layout]),
-            finish: kernel("finish", &[&cloud_layout]),
+            finish: kernel("finish", &[&cloud_layout, &finish_layout]),
             emit_surfels: kernel("emit_surfels", &[&cloud_layout, &surfel_layout]),
             scan: Scan::new(device, cache)?,
             cloud_layout,
             mesh_layout,
+            finish_layout,
             surfel_layout,
         })
     }
@@ -192,6 +195,12 @@ impl Surfelizer {
                 (3, whole(&cloud.counters)),
             ],
         );
+        let finish_group = binding::group(
+            device,
+            LABEL,
+            &self.finish_layout,
+            &[(7, whole(&cloud.emission))],
+        );
         let surfel_group = binding::group(
             device,
             LABEL,
@@ -219,12 +228,12 @@ impl Surfelizer {
         each_mesh(&mut pass, &self.emit_pieces);
         self.scan.record(&mut pass, &cloud.piece_offsets);
         pass.set_bind_group(0, &cloud_group, &[]);
+        pass.set_bind_group(1, &finish_group, &[]);
         pass.set_pipeline(&self.finish);
         pass.dispatch_workgroups(1, 1, 1);
         pass.set_pipeline(&self.emit_surfels);
         pass.set_bind_group(1, &surfel_group, &[]);
-        let [x, y, z] = dispatch_rows(cloud.capacity.surfels.div_ceil(WORKGROUP));
-        pass.dispatch_workgroups(x, y, z);
+        pass.dispatch_workgroups_indirect(&cloud.emission, 0);
         Ok(())
     }
 
