@@ -57,11 +57,29 @@ fn main() {
     println!("{}", gpu.name());
     println!(
         "{:12} {:9} {:>8} {:>9} {:>8} {:>8} {:>8} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>9} {:>8} {:>8}",
-        "scene", "preset", "surfels", "surfelize", "cluster", "splat", "rebuild", "loop ms", "loop/gpu", "covered",
-        "eval", "shell", "contrib", "covered/s", "shell/s", "eval/s"
+        "scene",
+        "preset",
+        "surfels",
+        "surfelize",
+        "cluster",
+        "splat",
+        "rebuild",
+        "loop ms",
+        "loop/gpu",
+        "covered",
+        "eval",
+        "shell",
+        "contrib",
+        "covered/s",
+        "shell/s",
+        "eval/s"
     );
     let size = if quick { [256, 256] } else { [512, 512] };
-    let names = if quick { &["cornell", "colonnade"][..] } else { &["cornell", "closed_room", "fence", "colonnade"] };
+    let names = if quick {
+        &["cornell", "colonnade"][..]
+    } else {
+        &["cornell", "closed_room", "fence", "colonnade"]
+    };
     let mut rows = Vec::new();
     for &name in names {
         for preset in presets::NAMES {
@@ -74,7 +92,12 @@ fn main() {
     std::fs::write(folder.join("passes.json"), text).expect("target can be written");
 }
 
-fn measure(gpu: &Gpu, name: &str, preset_name: &str, [width, height]: [u32; 2]) -> serde_json::Value {
+fn measure(
+    gpu: &Gpu,
+    name: &str,
+    preset_name: &str,
+    [width, height]: [u32; 2],
+) -> serde_json::Value {
     let scene = scenes::by_name(name).expect("a scene of the crate");
     let view = &scene.views[0];
     let camera = Camera::look_at(
@@ -117,7 +140,14 @@ fn measure(gpu: &Gpu, name: &str, preset_name: &str, [width, height]: [u32; 2]) 
         .expect("valid settings");
     let statistics: Vec<u32> =
         gpu.read_buffer(counting.view.statistics().expect("a counting splatter"));
-    let count = |k: usize| -> f64 { statistics.iter().skip(k).step_by(4).map(|&n| f64::from(n)).sum() };
+    let count = |k: usize| -> f64 {
+        statistics
+            .iter()
+            .skip(k)
+            .step_by(4)
+            .map(|&n| f64::from(n))
+            .sum()
+    };
     let [evaluated, in_shell, contributing] = [count(0), count(1), count(2)];
 
     let mut timed = renderer(false);
@@ -138,7 +168,13 @@ fn measure(gpu: &Gpu, name: &str, preset_name: &str, [width, height]: [u32; 2]) 
     let mut units = Vec::new();
     for level in 0..preset.splat.levels {
         covered += covered_pairs(&camera, &disks, level, &preset.splat, [width, height]);
-        units.extend(bin(&disks, &receivers, level, &preset.splat, [width, height]));
+        units.extend(bin(
+            &disks,
+            &receivers,
+            level,
+            &preset.splat,
+            [width, height],
+        ));
     }
     let looped: f64 = units.iter().map(|u| 64.0 * u.surfels.len() as f64).sum();
     let loop_ms = (0..RUNS)
@@ -235,7 +271,10 @@ fn covered_pairs(
             let position: DVec3 = disk.position.as_dvec3();
             let outer = f64::from(shell(disk.radius, level, settings)[1]);
             // About the eye, or behind it: the square is the whole picture.
-            let Some(at) = camera.project(position).filter(|_| position.length() > outer) else {
+            let Some(at) = camera
+                .project(position)
+                .filter(|_| position.length() > outer)
+            else {
                 return sub[0] * sub[1];
             };
             let scale = f64::from(1_u32 << level);
@@ -264,7 +303,10 @@ fn bin(
         .into_par_iter()
         .filter_map(|i| {
             let sub_buffer = i % sub_buffers;
-            let corner = [i / sub_buffers % blocks[0] * 8, i / sub_buffers / blocks[0] * 8];
+            let corner = [
+                i / sub_buffers % blocks[0] * 8,
+                i / sub_buffers / blocks[0] * 8,
+            ];
             let mut unit = Unit {
                 position: [[1e18; 64]; 3],
                 normal: [[0.0; 64]; 3],
@@ -292,9 +334,12 @@ fn bin(
             for at in (sub_buffer as usize..disks.len()).step_by(sub_buffers as usize) {
                 let disk = &disks[at];
                 let [inner, outer] = shell(disk.radius, level, settings);
-                let gap = (low - disk.position).max(disk.position - high).max(Vec3::ZERO);
+                let gap = (low - disk.position)
+                    .max(disk.position - high)
+                    .max(Vec3::ZERO);
                 let farthest = Vec3::select(disk.normal.cmpgt(Vec3::ZERO), high, low);
-                let scale = low.abs().max(high.abs()).max_element() + disk.position.abs().max_element();
+                let scale =
+                    low.abs().max(high.abs()).max_element() + disk.position.abs().max_element();
                 if gap.length_squared() <= outer * outer
                     && disk.normal.dot(farthest - disk.position) > 1e-6 * scale
                 {
@@ -319,8 +364,8 @@ fn splat_unit(unit: &Unit, disks: &[Disk]) -> f32 {
             let distance2 = x * x + y * y + z * z;
             let receiver_side = (nx[k] * x + ny[k] * y + nz[k] * z).max(0.0);
             let sender_side = (-(n.x * x + n.y * y + n.z * z)).max(0.0);
-            let value = receiver_side * sender_side
-                / (distance2.max(1e-30) * (1.0 + distance2 * per_area));
+            let value =
+                receiver_side * sender_side / (distance2.max(1e-30) * (1.0 + distance2 * per_area));
             let inside = distance2 >= inner2 && distance2 < outer2;
             sums[k] += if inside { value } else { 0.0 };
         }

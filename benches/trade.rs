@@ -272,15 +272,14 @@ impl<'g> Stage<'g> {
         let mut balanced_ms = None;
         for variant in variants(radius, grid) {
             let key = format!("{:?} {:?}", variant.preset, variant.overlap);
-            let mut row = match known.get(&key) {
-                Some(row) => row.clone(),
-                None => {
-                    // The first run of all compiles the pipelines.
-                    let runs = self.effort.runs + u32::from(known.is_empty());
-                    let (rendered, pairs) = self.render(&variant, runs)?;
-                    let balanced = *balanced_ms.get_or_insert(rendered.total_ms());
-                    self.row(&variant, &truth, &rendered, pairs, balanced)
-                }
+            let mut row = if let Some(row) = known.get(&key) {
+                row.clone()
+            } else {
+                // The first run of all compiles the pipelines.
+                let runs = self.effort.runs + u32::from(known.is_empty());
+                let (rendered, pairs) = self.render(&variant, runs)?;
+                let balanced = *balanced_ms.get_or_insert(rendered.total_ms());
+                self.row(&variant, &truth, &rendered, pairs, balanced)
             };
             known.entry(key).or_insert_with(|| row.clone());
             row.knob = variant.knob;
@@ -537,13 +536,12 @@ fn panel(title: &str, rows: &[Row], belongs: impl Fn(&Row) -> bool) -> Panel {
     }
     for row in rows.iter().filter(|r| belongs(r)) {
         let share = counts[&(row.knob, row.value.as_str())].recip();
-        let curve = match curves.iter_mut().position(|c| c.0 == row.knob) {
-            Some(at) => &mut curves[at].1,
-            None => {
-                curves.push((row.knob.into(), Vec::new()));
-                &mut curves.last_mut().expect("one was just pushed").1
-            }
-        };
+        let at = curves.iter().position(|c| c.0 == row.knob);
+        let at = at.unwrap_or_else(|| {
+            curves.push((row.knob.into(), Vec::new()));
+            curves.len() - 1
+        });
+        let curve = &mut curves[at].1;
         let time = row.ms_of_balanced.powf(share);
         let error = row.rmse * share;
         match curve.iter_mut().find(|p| p.label == row.value) {

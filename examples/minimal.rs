@@ -7,9 +7,10 @@
 mod support;
 
 use deep_screen_space::{
-    AmbientOcclusion, Camera, CloudCapacity, Geometry, Reconstructor, ReconstructorInput,
-    ReconstructorSettings, ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatSettings,
-    SurfelCounts, Surfelizer, SurfelizerInput, SurfelizerSettings, Viewport, scenes, wgpu,
+    AmbientOcclusion, Camera, CloudCapacity, ClusterInput, Geometry, Reconstructor,
+    ReconstructorInput, ReconstructorSettings, ShellSplatter, ShellSplatterDescriptor, SplatInput,
+    SplatSettings, SurfelCounts, Surfelizer, SurfelizerInput, SurfelizerSettings, Viewport, scenes,
+    wgpu,
 };
 use support::{
     gpu::{Ask, Gpu},
@@ -84,7 +85,17 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     surfelizer.record(device, &mut encoder, &input, &settings, &mut cloud)?;
     // … bounds of runs of them …
-    splatter.record_clusters(device, &mut encoder, &cloud, None, &splat, &clusters, None)?;
+    splatter.record_clusters(
+        device,
+        &mut encoder,
+        &ClusterInput {
+            cloud: &cloud,
+            materials: None,
+            timestamps: None,
+        },
+        &splat,
+        &clusters,
+    )?;
     // … their sums for every pixel …
     let input = SplatInput {
         gbuffer: drawn.gbuffer(),

@@ -15,7 +15,7 @@ use crate::{
 /// Name and offset of each field of a Rust struct.
 macro_rules! fields {
     ($type:ty: $($field:ident),*) => {
-        vec![$((stringify!($field), offset_of!($type, $field))),*]
+        [$((stringify!($field), offset_of!($type, $field))),*]
     };
 }
 

@@ -61,7 +61,7 @@
 //!     // Every frame: four recordings.
 //!     let input = SurfelizerInput { geometry, camera, cull_by: &[*camera], timestamps: None };
 //!     surfelizer.record(device, encoder, &input, &settings, &mut cloud)?;
-//!     splatter.record_clusters(device, encoder, &cloud, None, &splat, &clusters, None)?;
+//!     splatter.record_clusters(device, encoder, &ClusterInput { cloud: &cloud, materials: None, timestamps: None }, &splat, &clusters)?;
 //!     let (cloud, clusters) = (&cloud, &clusters);
 //!     let input = SplatInput { gbuffer, camera, cloud, clusters, materials: None, timestamps: None };
 //!     splatter.record(device, encoder, &input, &splat, &sums)?;
@@ -112,7 +112,7 @@ pub use reconstructor::{
 };
 pub use shaders::{Shader, shaders};
 pub use shell_splatter::{
-    ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatView, SurfelClusters,
+    ClusterInput, ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatView, SurfelClusters,
     settings::SplatSettings,
 };
 pub use surfel::{CloudCapacity, Piece, Surfel, SurfelCloud, SurfelCounts, SurfelSource};

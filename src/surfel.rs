@@ -221,9 +221,9 @@ impl SurfelCloud {
             &self.counters,
             &self.emission,
         ]
-            .iter()
-            .map(|b| b.size())
-            .sum::<u64>()
+        .iter()
+        .map(|b| b.size())
+        .sum::<u64>()
             + self.triangle_offsets.bytes()
             + self.piece_offsets.bytes()
     }

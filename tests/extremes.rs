@@ -105,14 +105,14 @@ fn every_projection_gives_the_same_picture() {
     };
     let best = with(perspective(view.vertical_fov_degrees, 1.0, view.near));
     let settings = settings(3, 0.02);
-    let expected = bench.picture("infinite", &Shot::new(&bench.gpu, &scene, best), &settings);
+    let expected = bench.picture("infinite", &Shot::new(&bench.gpu, &scene, &best), &settings);
     for (name, projection, tolerance) in [
         ("forward", forward(0.1, 100.0), 0.005),
         ("reversed", reversed(0.1, 100.0), 0.002),
         ("reversed 1e-3 to 1e6", reversed(1e-3, 1e6), 0.002),
         ("forward 1e-3 to 1e6", forward(1e-3, 1e6), 0.1),
     ] {
-        let shot = Shot::new(&bench.gpu, &scene, with(projection));
+        let shot = Shot::new(&bench.gpu, &scene, &with(projection));
         let picture = bench.picture(name, &shot, &settings);
         let rmse = rmse(&picture, &expected);
         println!("{name}: RMSE {rmse}");
@@ -159,7 +159,7 @@ fn orthographic_cameras_agree_with_distant_ones() {
     .expect("a camera");
     assert!(!orthographic.is_perspective());
     let pictures = [perspective, orthographic].map(|camera| {
-        let shot = Shot::new(&bench.gpu, &scene, camera);
+        let shot = Shot::new(&bench.gpu, &scene, &camera);
         bench.picture("orthographic", &shot, &settings)
     });
     // Pixels on edges see one thing or the other, and pieces are cut otherwise.
@@ -173,7 +173,7 @@ fn any_size_and_setting() {
     let bench = Bench::new();
     let scene = scenes::cornell();
     for size in [[1, 1], [1, 53], [61, 1], [31, 17], [67, 43]] {
-        let shot = Shot::new(&bench.gpu, &scene, camera_of(&scene, 0, size));
+        let shot = Shot::new(&bench.gpu, &scene, &camera_of(&scene, 0, size));
         for levels in [1, 2, 8] {
             for epsilon in [1e-9, 0.05, 2.0] {
                 let name = format!("{size:?}, {levels} levels, epsilon {epsilon}");
@@ -181,7 +181,7 @@ fn any_size_and_setting() {
             }
         }
     }
-    let shot = Shot::new(&bench.gpu, &scene, camera_of(&scene, 1, [33, 29]));
+    let shot = Shot::new(&bench.gpu, &scene, &camera_of(&scene, 1, [33, 29]));
     for radius_pixels in [0.05, 1000.0] {
         let mut extreme = settings(2, 0.05);
         extreme.surfelizer.radius_pixels = radius_pixels;
@@ -208,7 +208,7 @@ fn any_size_and_setting() {
 fn overflow_keeps_the_picture() {
     let bench = Bench::new();
     let scene = scenes::cornell();
-    let shot = Shot::new(&bench.gpu, &scene, camera_of(&scene, 0, [40, 40]));
+    let shot = Shot::new(&bench.gpu, &scene, &camera_of(&scene, 0, [40, 40]));
     let mut all = settings(1, 0.01);
     all.surfelizer.radius_pixels = 0.5;
     let expected = bench.picture("all", &shot, &all);
@@ -301,11 +301,11 @@ fn any_triangle() {
     ] {
         let mut triangles = floor.to_vec();
         triangles.push(triangle);
-        let shot = Shot::new(&bench.gpu, &with_triangles(&triangles), camera(near));
+        let shot = Shot::new(&bench.gpu, &with_triangles(&triangles), &camera(near));
         bench.picture(name, &shot, &settings(3, 0.02));
     }
     let none = with_triangles(&[]);
-    let shot = Shot::new(&bench.gpu, &none, camera(0.1));
+    let shot = Shot::new(&bench.gpu, &none, &camera(0.1));
     let picture = bench.picture("no triangles", &shot, &settings(3, 0.02));
     assert!(picture.iter().all(|v| *v == 1.0));
 }
@@ -315,7 +315,7 @@ fn any_gbuffer() {
     let bench = Bench::new();
     let scene = scenes::cornell();
     let camera = camera_of(&scene, 0, [24, 24]);
-    let mut shot = Shot::new(&bench.gpu, &scene, camera);
+    let mut shot = Shot::new(&bench.gpu, &scene, &camera);
     let count = 24 * 24;
     let depth: Vec<f32> = shot
         .pixels

@@ -1,4 +1,4 @@
-//! The ShellSplatter: GPU against the f64 mirror, against closed forms, and at the extremes.
+//! The `ShellSplatter`: GPU against the f64 mirror, against closed forms, and at the extremes.
 
 mod shot;
 
@@ -6,9 +6,10 @@ mod shot;
 mod support;
 
 use deep_screen_space::{
-    AmbientOcclusion, Camera, Channels, CloudCapacity, Effect, Error, Geometry, Material,
-    Placement, ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatSettings, SplatView,
-    Surfel, SurfelCounts, SurfelSource, Surfelizer, SurfelizerInput, SurfelizerSettings, Viewport,
+    AmbientOcclusion, Camera, Channels, CloudCapacity, ClusterInput, Effect, Error, Geometry,
+    Material, Placement, ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatSettings,
+    SplatView, Surfel, SurfelCounts, SurfelSource, Surfelizer, SurfelizerInput, SurfelizerSettings,
+    Viewport,
     glam::DVec3,
     reference::{
         effects::{self, Sender},
@@ -128,11 +129,13 @@ fn run(gpu: &Gpu, shot: &Shot, passes: &Passes, options: &Options) -> Run {
         .record_clusters(
             device,
             &mut encoder,
-            &cloud,
-            materials.as_ref(),
+            &ClusterInput {
+                cloud: &cloud,
+                materials: materials.as_ref(),
+                timestamps: None,
+            },
             &options.splat,
             &clusters,
-            None,
         )
         .expect("clusters");
     splatter
@@ -286,7 +289,7 @@ fn sums_match_the_mirror() {
         ),
     ] {
         let scene = scenes::by_name(name).expect("a scene");
-        let shot = Shot::new(&gpu, &scene, camera_of(&scene, view, size));
+        let shot = Shot::new(&gpu, &scene, &camera_of(&scene, view, size));
         let effect = AmbientOcclusion {
             two_sided,
             ..AmbientOcclusion::default()
@@ -346,7 +349,7 @@ fn one_surfel_gives_the_form_factor() {
             Viewport::full(1, 1),
         )
         .expect("a camera");
-        let shot = Shot::new(&gpu, &scene, camera);
+        let shot = Shot::new(&gpu, &scene, &camera);
         let settings = splat_settings(1, 1e-6);
         let mut options = Options::new(settings);
         options.surfelizer.radius_pixels = 1000.0;
@@ -372,7 +375,7 @@ fn one_surfel_gives_the_form_factor() {
 fn levels_change_nothing_in_expectation() {
     let gpu = gpu();
     let scene = scenes::by_name("cornell").expect("a scene");
-    let shot = Shot::new(&gpu, &scene, camera_of(&scene, 1, [24, 24]));
+    let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 1, [24, 24]));
     let passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), false);
     let full = run(&gpu, &shot, &passes, &Options::new(splat_settings(1, 1e-9))).total(&gpu, 1);
     let seeds = 64;
@@ -410,7 +413,7 @@ fn levels_change_nothing_in_expectation() {
 fn converges_to_the_sum_over_all_surfels() {
     let gpu = gpu();
     let scene = scenes::by_name("cornell").expect("a scene");
-    let shot = Shot::new(&gpu, &scene, camera_of(&scene, 1, [32, 32]));
+    let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 1, [32, 32]));
     let passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), false);
     let image = |radius_pixels: f32, levels: u32, epsilon: f32| {
         let mut options = Options::new(splat_settings(levels, epsilon));
@@ -520,7 +523,7 @@ impl effects::Effect for Emission {
 fn an_effect_of_ones_own_reads_materials() {
     let gpu = gpu();
     let scene = scenes::by_name("cornell").expect("a scene");
-    let shot = Shot::new(&gpu, &scene, camera_of(&scene, 0, [40, 40]));
+    let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, [40, 40]));
     let materials: Vec<Material> = (0..scene.materials.len())
         .map(|i| Material {
             emission: [0.0, 1.0, 2.0].map(|c| {
@@ -598,7 +601,7 @@ fn subgroups_give_the_same_sums() {
         return;
     }
     let scene = scenes::by_name("fence").expect("a scene");
-    let shot = Shot::new(&gpu, &scene, camera_of(&scene, 1, [61, 45]));
+    let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 1, [61, 45]));
     let effect = AmbientOcclusion::default().effect();
     let options = Options::new(splat_settings(4, 0.02));
     let plain = run(&gpu, &shot, &Passes::new(&gpu, &effect, false), &options).total(&gpu, 4);
@@ -611,7 +614,7 @@ fn subgroups_give_the_same_sums() {
 fn two_runs_give_the_same_sums() {
     let gpu = gpu();
     let scene = scenes::by_name("fence").expect("a scene");
-    let shot = Shot::new(&gpu, &scene, camera_of(&scene, 0, [48, 48]));
+    let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, [48, 48]));
     let passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), false);
     let options = Options::new(splat_settings(5, 0.02));
     let first = run(&gpu, &shot, &passes, &options).total(&gpu, 5);
@@ -644,7 +647,7 @@ fn extremes_of_settings_and_sizes() {
         let name = format!(
             "{size:?}, levels {levels}, epsilon {epsilon}, radius {radius}, unbounded {unbounded}"
         );
-        let shot = Shot::new(&gpu, &scene, camera_of(&scene, 0, size));
+        let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, size));
         let settings = SplatSettings {
             levels,
             epsilon,
@@ -677,7 +680,7 @@ fn scale_and_place_change_nothing() {
     let camera = camera_of(&scene, 1, [32, 32]);
     let plain = run(
         &gpu,
-        &Shot::new(&gpu, &scene, camera),
+        &Shot::new(&gpu, &scene, &camera),
         &passes,
         &Options::new(settings),
     )
@@ -707,7 +710,7 @@ fn scale_and_place_change_nothing() {
         .expect("a camera");
         let total = run(
             &gpu,
-            &Shot::new(&gpu, &moved, camera),
+            &Shot::new(&gpu, &moved, &camera),
             &passes,
             &Options::new(settings),
         )
@@ -742,14 +745,14 @@ fn nothing_to_splat_gives_zero() {
     .expect("a camera");
     let sky = run(
         &gpu,
-        &Shot::new(&gpu, &scene, camera),
+        &Shot::new(&gpu, &scene, &camera),
         &passes,
         &Options::new(splat_settings(3, 0.01)),
     );
     assert!(sky.total(&gpu, 3).iter().all(|v| *v == 0.0));
     // An empty scene under the G-buffer of a full one.
     let camera = camera_of(&scene, 0, [20, 20]);
-    let mut shot = Shot::new(&gpu, &scene, camera);
+    let mut shot = Shot::new(&gpu, &scene, &camera);
     scene.indices.clear();
     scene.parts.clear();
     shot.buffers = SceneBuffers::new(&gpu, &scene);
@@ -776,7 +779,7 @@ fn two_views_share_a_cloud() {
         Viewport::full(32, 24),
     )
     .expect("a camera");
-    let shots = [left, right].map(|camera| Shot::new(&gpu, &scene, camera));
+    let shots = [left, right].map(|camera| Shot::new(&gpu, &scene, &camera));
     let effect = AmbientOcclusion::default().effect();
     let settings = splat_settings(3, 0.02);
     let options = Options::new(settings);
@@ -819,11 +822,13 @@ fn two_views_share_a_cloud() {
         .record_clusters(
             device,
             &mut encoder,
-            &cloud,
-            None,
+            &ClusterInput {
+                cloud: &cloud,
+                materials: None,
+                timestamps: None,
+            },
             &settings,
             &clusters,
-            None,
         )
         .expect("clusters");
     for (shot, view) in shots.iter().zip(&views) {
@@ -950,7 +955,7 @@ fn bad_settings_are_typed_errors() {
 
     // Objects that do not belong together.
     let scene = scenes::by_name("cornell").expect("a scene");
-    let shot = Shot::new(&gpu, &scene, camera_of(&scene, 0, [8, 8]));
+    let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, [8, 8]));
     let surfelizer = Surfelizer::new(device, None).expect("pipelines");
     let options = Options::new(splat_settings(2, 0.01));
     let cloud = surfelizer

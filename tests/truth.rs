@@ -56,7 +56,7 @@ fn errors_stay_what_they_are() {
         ("closed_room", 0.12, 0.04),
     ] {
         let scene = scenes::by_name(name).expect("a scene");
-        let shot = Shot::new(&gpu, &scene, camera_of(&scene, 0, [96, 64]));
+        let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, [96, 64]));
         for (radius, bound) in [(scene.ao_radius, near), (f32::INFINITY, far)] {
             let settings = Settings::new(
                 1.0,
@@ -131,7 +131,7 @@ fn smaller_surfels_approach_the_truth() {
         Viewport::full(64, 64),
     )
     .expect("a camera");
-    let shot = Shot::new(&gpu, &box_on_floor(), camera);
+    let shot = Shot::new(&gpu, &box_on_floor(), &camera);
     let errors = [8.0, 4.0, 2.0, 1.0, 0.5].map(|radius_pixels| {
         let settings = Settings::new(
             radius_pixels,

@@ -32,7 +32,7 @@ use support::{
 struct Options {
     /// A glTF 2.0 file, or the name of one of the crate's scenes; the colonnade if left out.
     scene: Option<String>,
-    /// A file of cameras: {scene: [{name, eye, target, up, vfov_deg, near, width, height}]}.
+    /// A JSON file of cameras by scene, each with name, eye, target, up, `vfov_deg`, near, width and height.
     #[arg(long)]
     cameras: Option<PathBuf>,
     /// Which camera of the file, or which view of the crate's scene.
@@ -47,7 +47,7 @@ struct Options {
     /// Vertical field of view in degrees.
     #[arg(long)]
     vfov: Option<f64>,
-    /// Size of the picture, WxH.
+    /// Size of the picture in pixels, `WxH`.
     #[arg(long, value_parser = view::parse_size)]
     size: Option<[u32; 2]>,
     /// What to compute.

@@ -80,9 +80,7 @@ impl Shot {
 pub fn choose(options: &Options, scene: &Scene) -> Result<Shot, String> {
     let mut shot = if let Some(file) = &options.cameras {
         from_file(options, file)?
-    } else if options.eye.is_some() {
-        around(scene)
-    } else if scene.views.is_empty() {
+    } else if options.eye.is_some() || scene.views.is_empty() {
         around(scene)
     } else {
         from_scene(options, scene)?

@@ -1,9 +1,9 @@
 //! The passes wired together for ambient occlusion by splatting.
 
 use deep_screen_space::{
-    AmbientOcclusion, Camera, CloudCapacity, Geometry, Mesh, Reconstructor, ReconstructorInput,
-    ReconstructorView, ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatView, SurfelCloud,
-    SurfelClusters, SurfelCounts, Surfelizer, SurfelizerInput, wgpu,
+    AmbientOcclusion, Camera, CloudCapacity, ClusterInput, Geometry, Mesh, Reconstructor,
+    ReconstructorInput, ReconstructorView, ShellSplatter, ShellSplatterDescriptor, SplatInput,
+    SplatView, SurfelCloud, SurfelClusters, SurfelCounts, Surfelizer, SurfelizerInput, wgpu,
 };
 
 use super::{gpu::Gpu, presets::Preset, raster::Raster};
@@ -111,11 +111,13 @@ impl Renderer {
             self.splatter.record_clusters(
                 device,
                 encoder,
-                &self.cloud,
-                None,
+                &ClusterInput {
+                    cloud: &self.cloud,
+                    materials: None,
+                    timestamps: None,
+                },
                 &preset.splat,
                 &self.clusters,
-                None,
             )
         });
         done?;

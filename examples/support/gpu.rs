@@ -85,7 +85,7 @@ impl Gpu {
         let padded;
         let bytes = if bytes.is_empty() {
             &[0; 16]
-        } else if bytes.len() % 4 != 0 {
+        } else if !bytes.len().is_multiple_of(4) {
             padded = [bytes, &[0; 3]].concat();
             &padded[..bytes.len().next_multiple_of(4)]
         } else {

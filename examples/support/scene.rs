@@ -112,10 +112,8 @@ fn append(scene: &mut Scene, primitive: &gltf::Primitive<'_>, world: Mat4, data:
             .indices
             .extend(if mirrored { [a, c, b] } else { [a, b, c] });
     }
-    scene
-        .positions
-        .extend(positions.iter().map(|p| p.to_array()));
-    scene.normals.extend(normals.iter().map(|n| n.to_array()));
+    scene.positions.extend(positions.iter().map(Vec3::to_array));
+    scene.normals.extend(normals.iter().map(Vec3::to_array));
     scene.parts.push(Part {
         first_index,
         index_count: scene.indices.len() as u32 - first_index,

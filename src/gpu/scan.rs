@@ -16,8 +16,8 @@ pub(crate) const SOURCE: &str = include_str!("../../wgsl/scan.wgsl");
 #[derive(Debug)]
 pub(crate) struct Scan {
     layout: wgpu::BindGroupLayout,
-    scan_blocks: ComputePipeline,
-    add_totals: ComputePipeline,
+    blocks: ComputePipeline,
+    totals: ComputePipeline,
 }
 
 /// An array that is scanned in place, with room for the blocks' totals.
@@ -54,11 +54,11 @@ impl Scan {
             }
             .create(device)
         };
-        let (scan_blocks, add_totals) = (kernel("scan_blocks"), kernel("add_totals"));
+        let (blocks, totals) = (kernel("scan_blocks"), kernel("add_totals"));
         Ok(Self {
             layout,
-            scan_blocks,
-            add_totals,
+            blocks,
+            totals,
         })
     }
 
@@ -114,11 +114,11 @@ impl Scan {
 
     pub fn record(&self, pass: &mut ComputePass<'_>, buffer: &ScanBuffer) {
         for (group, blocks) in &buffer.stages {
-            dispatch(pass, &self.scan_blocks, group, *blocks);
+            dispatch(pass, &self.blocks, group, *blocks);
         }
         // The last stage is one block: it has no total to add.
         for (group, blocks) in buffer.stages.iter().rev().skip(1) {
-            dispatch(pass, &self.add_totals, group, *blocks);
+            dispatch(pass, &self.totals, group, *blocks);
         }
     }
 }

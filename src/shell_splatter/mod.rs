@@ -131,6 +131,17 @@ impl SplatView {
     }
 }
 
+/// What a recording of clusters works on.
+#[derive(Clone, Copy, Debug)]
+pub struct ClusterInput<'a> {
+    /// The surfels.
+    pub cloud: &'a SurfelCloud,
+    /// As [`SplatInput::materials`].
+    pub materials: Option<&'a Buffer>,
+    /// Where to write begin and end times, if anywhere.
+    pub timestamps: Option<Timestamps<'a>>,
+}
+
 /// What one recording of the [`ShellSplatter`] works on.
 #[derive(Clone, Copy, Debug)]
 pub struct SplatInput<'a> {
@@ -330,21 +341,23 @@ impl ShellSplatter {
         &self,
         device: &Device,
         encoder: &mut CommandEncoder,
-        cloud: &SurfelCloud,
-        materials: Option<&Buffer>,
+        input: &ClusterInput<'_>,
         settings: &SplatSettings,
         clusters: &SurfelClusters,
-        timestamps: Option<Timestamps<'_>>,
     ) -> Result<(), Error> {
         settings.validate()?;
-        self.check_clusters(cloud, settings, clusters)?;
-        let materials = self.check_materials(materials)?;
-        let mut pass = compute_pass(encoder, &label(&self.effect, "clusters"), timestamps);
+        let cloud = input.cloud;
+        check_clusters(cloud, settings, clusters)?;
+        let materials = self.check_materials(input.materials)?;
+        let mut pass = compute_pass(encoder, &label(&self.effect, "clusters"), input.timestamps);
         let plan = binding::group(
             device,
             LABEL,
             &self.plan_layout,
-            &[(3, whole(&cloud.counters)), (9, whole(&clusters.dispatches))],
+            &[
+                (3, whole(&cloud.counters)),
+                (9, whole(&clusters.dispatches)),
+            ],
         );
         dispatch(&mut pass, &self.plan, &plan, 1);
         for level in 0..settings.levels {
@@ -392,7 +405,7 @@ impl ShellSplatter {
         settings.validate()?;
         let viewport = input.camera.viewport();
         input.gbuffer.validate(viewport)?;
-        self.check_clusters(input.cloud, settings, input.clusters)?;
+        check_clusters(input.cloud, settings, input.clusters)?;
         let materials = self.check_materials(input.materials)?;
         if view.size() != [viewport.width, viewport.height]
             || view.levels < settings.levels
@@ -452,31 +465,6 @@ impl ShellSplatter {
                 params.tiles_of_all_sub_buffers(),
             );
             pass.pop_debug_group();
-        }
-        Ok(())
-    }
-
-    fn check_clusters(
-        &self,
-        cloud: &SurfelCloud,
-        settings: &SplatSettings,
-        clusters: &SurfelClusters,
-    ) -> Result<(), Error> {
-        if clusters.capacity != cloud.capacity.surfels
-            || (clusters.places.len() as u32) < settings.levels
-        {
-            return Err(Error::Mismatch {
-                name: "SurfelClusters",
-                found: format!(
-                    "{} surfels, {} levels",
-                    clusters.capacity,
-                    clusters.places.len()
-                ),
-                needed: format!(
-                    "{} surfels, {} levels",
-                    cloud.capacity.surfels, settings.levels
-                ),
-            });
         }
         Ok(())
     }
@@ -544,4 +532,28 @@ fn check_levels(levels: u32) -> Result<(), Error> {
         levels,
         "1 to 8",
     )
+}
+
+fn check_clusters(
+    cloud: &SurfelCloud,
+    settings: &SplatSettings,
+    clusters: &SurfelClusters,
+) -> Result<(), Error> {
+    if clusters.capacity != cloud.capacity.surfels
+        || (clusters.places.len() as u32) < settings.levels
+    {
+        return Err(Error::Mismatch {
+            name: "SurfelClusters",
+            found: format!(
+                "{} surfels, {} levels",
+                clusters.capacity,
+                clusters.places.len()
+            ),
+            needed: format!(
+                "{} surfels, {} levels",
+                cloud.capacity.surfels, settings.levels
+            ),
+        });
+    }
+    Ok(())
 }

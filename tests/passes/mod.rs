@@ -4,9 +4,9 @@
 #![allow(dead_code)]
 
 use deep_screen_space::{
-    Camera, Channels, CloudCapacity, Effect, Error, GBuffer, Geometry, Mesh, PositionFormat,
-    ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatSettings, SplatView, SurfelCloud,
-    SurfelClusters, Surfelizer, SurfelizerInput, SurfelizerSettings, Vertices,
+    Camera, Channels, CloudCapacity, ClusterInput, Effect, Error, GBuffer, Geometry, Mesh,
+    PositionFormat, ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatSettings, SplatView,
+    SurfelCloud, SurfelClusters, Surfelizer, SurfelizerInput, SurfelizerSettings, Vertices,
     glam::DVec3,
     reference::{packing::unpack_normal, shell_splatter::Receiver},
     wgpu::{self, BufferUsages},
@@ -124,11 +124,13 @@ impl Passes {
             .record_clusters(
                 device,
                 &mut encoder,
-                &self.cloud,
-                None,
+                &ClusterInput {
+                    cloud: &self.cloud,
+                    materials: None,
+                    timestamps: None,
+                },
                 &settings,
                 &clusters,
-                None,
             )
             .expect("clusters");
         gpu.finish(encoder);

@@ -4,8 +4,8 @@
 #![allow(dead_code)]
 
 use deep_screen_space::{
-    AmbientOcclusion, Camera, CloudCapacity, GBuffer, Geometry, NormalEncoding, NormalSpace,
-    Reconstructor, ReconstructorInput, ReconstructorSettings, ShellSplatter,
+    AmbientOcclusion, Camera, CloudCapacity, ClusterInput, GBuffer, Geometry, NormalEncoding,
+    NormalSpace, Reconstructor, ReconstructorInput, ReconstructorSettings, ShellSplatter,
     ShellSplatterDescriptor, SplatInput, SplatSettings, SurfelCounts, Surfelizer, SurfelizerInput,
     SurfelizerSettings, Viewport,
     reference::{
@@ -46,10 +46,10 @@ pub fn camera_of(scene: &Scene, view: usize, [width, height]: [u32; 2]) -> Camer
 }
 
 impl Shot {
-    pub fn new(gpu: &Gpu, scene: &Scene, camera: Camera) -> Self {
+    pub fn new(gpu: &Gpu, scene: &Scene, camera: &Camera) -> Self {
         let tracer = Tracer::new(&scene.positions, &scene.indices).expect("a scene");
         let pixels = gbuffer::cast(
-            &camera,
+            camera,
             &tracer,
             &scene.positions,
             &scene.normals,
@@ -69,7 +69,7 @@ impl Shot {
             .collect();
         let mut shot = Self {
             buffers: SceneBuffers::new(gpu, scene),
-            camera,
+            camera: *camera,
             pixels,
             tracer,
             depth: gpu.target(wgpu::TextureFormat::R32Float, 1, 1),
@@ -198,11 +198,13 @@ impl Passes {
             .record_clusters(
                 device,
                 &mut encoder,
-                &cloud,
-                None,
+                &ClusterInput {
+                    cloud: &cloud,
+                    materials: None,
+                    timestamps: None,
+                },
                 &settings.splat,
                 &clusters,
-                None,
             )
             .expect("clusters");
         self.splatter
