@@ -131,7 +131,7 @@ fn draw(picture: &mut RgbImage, panels: &[Panel]) -> Result<(), Box<dyn std::err
         }
         chart
             .configure_series_labels()
-            .position(SeriesLabelPosition::UpperLeft)
+            .position(SeriesLabelPosition::UpperRight)
             .label_font(text)
             .background_style(WHITE.mix(0.85))
             .border_style(BLACK)
@@ -175,7 +175,7 @@ impl Ranged for LogAxis {
         let steps: &[f64] = if decades > 3 {
             &[1.0, 3.0]
         } else {
-            &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0]
+            &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0]
         };
         (first..=last)
             .flat_map(|decade| steps.iter().map(move |s| s * 10_f64.powi(decade)))
