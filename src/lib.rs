@@ -61,8 +61,9 @@
 //!     // Every frame: four recordings.
 //!     let input = SurfelizerInput { geometry, camera, cull_by: &[*camera], timestamps: None };
 //!     surfelizer.record(device, encoder, &input, &settings, &mut cloud)?;
-//!     splatter.record_clusters(device, encoder, &ClusterInput { cloud: &cloud, materials: None, timestamps: None }, &splat, &clusters)?;
 //!     let (cloud, clusters) = (&cloud, &clusters);
+//!     let input = ClusterInput { cloud, materials: None, timestamps: None };
+//!     splatter.record_clusters(device, encoder, &input, &splat, clusters)?;
 //!     let input = SplatInput { gbuffer, camera, cloud, clusters, materials: None, timestamps: None };
 //!     splatter.record(device, encoder, &input, &splat, &sums)?;
 //!     let (sums, levels) = (&sums, splat.levels);
