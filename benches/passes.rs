@@ -63,7 +63,7 @@ fn main() {
         "surfelize",
         "cluster",
         "splat",
-        "rebuild",
+        "reconstr",
         "loop ms",
         "loop/gpu",
         "covered",

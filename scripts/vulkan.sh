@@ -81,6 +81,8 @@ have_loader() {
 
 # Any Vulkan driver: the one that the environment names, else the machine's GPU, else lavapipe, installed if need be.
 ensure_vulkan() {
+  # Without it every start of a Vulkan driver complains of a window system, which nothing here uses.
+  export XDG_RUNTIME_DIR="${XDG_RUNTIME_DIR:-${TMPDIR:-/tmp}}"
   if [ "$(uname -s)" != Linux ]; then say "no Vulkan driver needed: $(uname -s) has a GPU interface of its own"; return; fi
   local driver
   if [ -n "${VK_DRIVER_FILES:-${VK_ICD_FILENAMES:-}}" ]; then

@@ -20,8 +20,20 @@ pub struct Timestamps<'a> {
     pub set: &'a wgpu::QuerySet,
     /// Index written when the pass begins.
     pub begin: u32,
-    /// Index written when the pass has ended.
+    /// Index written when the pass has ended; another than `begin`.
     pub end: u32,
+}
+
+/// [`Error::Setting`] for timestamps that would overwrite each other.
+pub(crate) fn check_timestamps(timestamps: Option<Timestamps<'_>>) -> Result<(), Error> {
+    match timestamps {
+        Some(t) if t.begin == t.end => Err(Error::Setting {
+            field: "Timestamps::end",
+            value: f64::from(t.end),
+            accepted: "another index than Timestamps::begin",
+        }),
+        _ => Ok(()),
+    }
 }
 
 /// Invocations a workgroup in every kernel that has no reason for another number.

@@ -17,7 +17,7 @@ use crate::{
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_2D, FLOAT_ARRAY, UINT_2D, UNIFORM, view, whole},
-        shader, uniform,
+        check_timestamps, shader, uniform,
     },
     receivers::{plane, plane_bytes},
     shell_splatter::SplatView,
@@ -231,6 +231,7 @@ impl Reconstructor {
         scratch: &ReconstructorView,
     ) -> Result<(), Error> {
         settings.validate()?;
+        check_timestamps(input.timestamps)?;
         self.check(input, scratch)?;
         let viewport = input.camera.viewport();
         let params = uniform(

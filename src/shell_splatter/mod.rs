@@ -21,7 +21,7 @@ use crate::{
     gpu::{
         Kernel, Timestamps,
         binding::{self, READ, UINT_2D, UNIFORM, WRITE, whole},
-        compute_pass, dispatch, shader, storage, uniform,
+        check_timestamps, compute_pass, dispatch, shader, storage, uniform,
     },
     receivers::{Receivers, ReceiversPass, plane, plane_bytes},
     surfel::SurfelCloud,
@@ -346,6 +346,7 @@ impl ShellSplatter {
         clusters: &SurfelClusters,
     ) -> Result<(), Error> {
         settings.validate()?;
+        check_timestamps(input.timestamps)?;
         let cloud = input.cloud;
         check_clusters(cloud, settings, clusters)?;
         let materials = self.check_materials(input.materials)?;
@@ -403,6 +404,7 @@ impl ShellSplatter {
         view: &SplatView,
     ) -> Result<(), Error> {
         settings.validate()?;
+        check_timestamps(input.timestamps)?;
         let viewport = input.camera.viewport();
         input.gbuffer.validate(viewport)?;
         check_clusters(input.cloud, settings, input.clusters)?;

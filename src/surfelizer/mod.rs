@@ -19,7 +19,7 @@ use crate::{
     gpu::{
         Kernel, Timestamps, WORKGROUP,
         binding::{self, READ, UNIFORM, WRITE, whole},
-        compute_pass, dispatch_rows,
+        check_timestamps, compute_pass, dispatch_rows,
         scan::Scan,
         shader, uniform,
     },
@@ -142,6 +142,7 @@ impl Surfelizer {
         cloud: &mut SurfelCloud,
     ) -> Result<(), Error> {
         settings.validate()?;
+        check_timestamps(input.timestamps)?;
         check_setting(
             input.cull_by.len() <= MAX_VIEWS,
             "SurfelizerInput::cull_by",

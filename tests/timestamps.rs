@@ -1,0 +1,152 @@
+//! Times that the caller asks for, on devices that have them.
+
+mod shot;
+
+#[path = "../examples/support/mod.rs"]
+mod support;
+
+use deep_screen_space::{
+    AmbientOcclusion, CloudCapacity, ClusterInput, Error, Geometry, Reconstructor,
+    ReconstructorInput, ReconstructorSettings, ShellSplatter, ShellSplatterDescriptor, SplatInput,
+    SplatSettings, Surfelizer, SurfelizerInput, SurfelizerSettings, Timestamps, scenes, wgpu,
+};
+use shot::{Shot, camera_of};
+use support::gpu::{Ask, Gpu};
+
+/// Each recording writes the two indices that it was given. What the times are is the driver's affair: lavapipe's are
+/// wrong once a render pass has run.
+#[test]
+fn recordings_write_their_times() {
+    let gpu = Gpu::open(Ask::from_env()).expect("a graphics adapter");
+    let device = &gpu.device;
+    if !device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
+        // Then no such query set can be made, and nothing of it is used: the other tests run without.
+        assert_ne!(Ask::from_env(), Ask::All, "this adapter has no timestamps");
+        return;
+    }
+    let set = device.create_query_set(&wgpu::QuerySetDescriptor {
+        label: None,
+        ty: wgpu::QueryType::Timestamp,
+        count: 8,
+    });
+    let stamps = |begin| {
+        Some(Timestamps {
+            set: &set,
+            begin,
+            end: begin + 1,
+        })
+    };
+    let scene = scenes::cornell();
+    let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, [16, 16]));
+    let effect = AmbientOcclusion::default().effect();
+    let settings = SplatSettings::default();
+    let surfelizer = Surfelizer::new(device, None).expect("pipelines");
+    let splatter = ShellSplatter::new(
+        device,
+        &ShellSplatterDescriptor {
+            effect: &effect,
+            subgroups: false,
+            statistics: false,
+            cache: None,
+        },
+    )
+    .expect("pipelines");
+    let format = wgpu::TextureFormat::R32Float;
+    let reconstructor = Reconstructor::new(device, &effect, format, None).expect("pipelines");
+    let capacity = CloudCapacity {
+        surfels: 1 << 12,
+        pieces: 1 << 12,
+        triangles: 1 << 12,
+    };
+    let mut cloud = surfelizer.create_cloud(device, capacity).expect("a cloud");
+    let clusters = splatter
+        .create_clusters(device, &cloud, 5)
+        .expect("clusters");
+    let sums = splatter.create_view(device, 16, 16, 5).expect("a view");
+    let scratch = reconstructor
+        .create_view(device, 16, 16, 5)
+        .expect("a view");
+    let target = gpu.target(format, 16, 16);
+
+    let mut encoder = gpu.encoder();
+    let meshes = shot.buffers.meshes();
+    let mut surfelize = |encoder: &mut wgpu::CommandEncoder, timestamps| {
+        let input = SurfelizerInput {
+            geometry: Geometry { meshes: &meshes },
+            camera: &shot.camera,
+            cull_by: &[],
+            timestamps,
+        };
+        surfelizer.record(
+            device,
+            encoder,
+            &input,
+            &SurfelizerSettings::default(),
+            &mut cloud,
+        )
+    };
+    let same = Timestamps {
+        set: &set,
+        begin: 3,
+        end: 3,
+    };
+    assert!(matches!(
+        surfelize(&mut encoder, Some(same)),
+        Err(Error::Setting {
+            field: "Timestamps::end",
+            ..
+        })
+    ));
+    surfelize(&mut encoder, stamps(0)).expect("surfels");
+    let input = ClusterInput {
+        cloud: &cloud,
+        materials: None,
+        timestamps: stamps(2),
+    };
+    splatter
+        .record_clusters(device, &mut encoder, &input, &settings, &clusters)
+        .expect("clusters");
+    let input = SplatInput {
+        gbuffer: shot.gbuffer(),
+        camera: &shot.camera,
+        cloud: &cloud,
+        clusters: &clusters,
+        materials: None,
+        timestamps: stamps(4),
+    };
+    splatter
+        .record(device, &mut encoder, &input, &settings, &sums)
+        .expect("sums");
+    let input = ReconstructorInput {
+        gbuffer: shot.gbuffer(),
+        camera: &shot.camera,
+        cloud: &cloud,
+        sums: &sums,
+        levels: 5,
+        target: &target,
+        timestamps: stamps(6),
+    };
+    reconstructor
+        .record(
+            device,
+            &mut encoder,
+            &input,
+            &ReconstructorSettings::default(),
+            &scratch,
+        )
+        .expect("a picture");
+    let resolved = device.create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size: 64,
+        usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
+        mapped_at_creation: false,
+    });
+    encoder.resolve_query_set(&set, 0..8, &resolved, 0);
+    gpu.finish(encoder);
+    let times: Vec<u64> = gpu.read_buffer(&resolved);
+    println!("{times:?}");
+    assert!(
+        times.iter().all(|t| *t > 0),
+        "not all were written: {times:?}"
+    );
+}
