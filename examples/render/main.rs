@@ -59,9 +59,10 @@ struct Options {
     /// How exactly.
     #[arg(long, default_value = "balanced", value_parser = presets::NAMES)]
     preset: String,
-    /// Distance beyond which nothing occludes, world units, or inf.
-    #[arg(long, default_value = "inf", value_parser = view::parse_radius)]
-    radius: f32,
+    /// Distance beyond which nothing occludes, world units, or inf; if left out, what suits the crate's own scene, and
+    /// inf for a file.
+    #[arg(long, value_parser = view::parse_radius)]
+    radius: Option<f32>,
     /// Whether surfaces occlude behind their backs too.
     #[arg(long)]
     two_sided: bool,
@@ -99,7 +100,8 @@ fn run(options: &Options) -> Result<(), String> {
     };
     let shot = view::choose(options, &scene)?;
     let camera = shot.camera()?;
-    let preset = presets::preset(&options.preset, options.radius).ok_or("no such preset")?;
+    let radius = options.radius.unwrap_or(scene.ao_radius);
+    let preset = presets::preset(&options.preset, radius).ok_or("no such preset")?;
 
     std::fs::create_dir_all(&options.out).map_err(|e| format!("{}: {e}", options.out.display()))?;
     let gpu = Gpu::open(Ask::from_env())?;
@@ -161,7 +163,7 @@ fn run(options: &Options) -> Result<(), String> {
         );
     }
     if let Some(rays) = options.reference {
-        compare(options, &scene, &shot, &rendered.visibility, rays)?;
+        compare(options, &scene, &shot, &rendered.visibility, radius, rays)?;
     }
     Ok(())
 }
@@ -198,7 +200,7 @@ fn stats(
             "effect": options.effect,
             "method": options.method,
             "preset": options.preset,
-            "radius": if options.radius.is_finite() { Some(options.radius) } else { None },
+            "radius": if preset.splat.radius.is_finite() { Some(preset.splat.radius) } else { None },
             "two_sided": options.two_sided,
             "overlap": if options.independent { "independent" } else { "add" },
             "radius_pixels": preset.surfelizer.radius_pixels,
@@ -217,12 +219,12 @@ fn compare(
     scene: &scenes::Scene,
     shot: &view::Shot,
     visibility: &[f32],
+    radius: f32,
     rays: u32,
 ) -> Result<(), String> {
     let tracer = Tracer::new(&scene.positions, &scene.indices).map_err(|e| e.to_string())?;
     let receivers: Vec<Option<Receiver>> = shot.receivers(scene, &tracer);
-    let truth =
-        tracer.ambient_occlusion_image(&receivers, f64::from(options.radius), rays, 1, true);
+    let truth = tracer.ambient_occlusion_image(&receivers, f64::from(radius), rays, 1, true);
     let mut sum = 0.0;
     let mut bias = 0.0;
     let mut count = 0_u32;

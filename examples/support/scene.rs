@@ -50,7 +50,7 @@ pub fn load_gltf(path: &Path) -> Result<Scene, String> {
             }])
             .collect(),
         views: Vec::new(),
-        ao_radius: 1.0,
+        ao_radius: f32::INFINITY,
     };
     let data = BufferData { external, blob };
     let mut open: Vec<(gltf::Node<'_>, Mat4)> = gltf
