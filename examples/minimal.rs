@@ -71,7 +71,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         triangles: buffers.triangles(),
     };
     let mut cloud = surfelizer.create_cloud(device, capacity)?;
-    let clusters = splatter.create_clusters(device, &cloud, splat.levels)?;
+    let mut clusters = splatter.create_clusters(device, &cloud, splat.levels)?;
     let sums = splatter.create_view(device, WIDTH, HEIGHT, splat.levels)?;
     let scratch = reconstructor.create_view(device, WIDTH, HEIGHT, splat.levels)?;
 
@@ -94,7 +94,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             timestamps: None,
         },
         &splat,
-        &clusters,
+        &mut clusters,
     )?;
     // … their sums for every pixel …
     let input = SplatInput {

@@ -53,7 +53,7 @@
 //!     let triangles = geometry.triangles();
 //!     let capacity = CloudCapacity { surfels: 1 << 20, pieces: triangles + 10_000, triangles };
 //!     let mut cloud = surfelizer.create_cloud(device, capacity)?;
-//!     let clusters = splatter.create_clusters(device, &cloud, splat.levels)?;
+//!     let mut clusters = splatter.create_clusters(device, &cloud, splat.levels)?;
 //!     let viewport = camera.viewport();
 //!     let sums = splatter.create_view(device, viewport.width, viewport.height, splat.levels)?;
 //!     let scratch = reconstructor.create_view(device, viewport.width, viewport.height, splat.levels)?;
@@ -61,9 +61,10 @@
 //!     // Every frame: four recordings.
 //!     let input = SurfelizerInput { geometry, camera, cull_by: &[*camera], timestamps: None };
 //!     surfelizer.record(device, encoder, &input, &settings, &mut cloud)?;
-//!     let (cloud, clusters) = (&cloud, &clusters);
+//!     let cloud = &cloud;
 //!     let input = ClusterInput { cloud, materials: None, timestamps: None };
-//!     splatter.record_clusters(device, encoder, &input, &splat, clusters)?;
+//!     splatter.record_clusters(device, encoder, &input, &splat, &mut clusters)?;
+//!     let clusters = &clusters;
 //!     let input = SplatInput { gbuffer, camera, cloud, clusters, materials: None, timestamps: None };
 //!     splatter.record(device, encoder, &input, &splat, &sums)?;
 //!     let (sums, levels) = (&sums, splat.levels);

@@ -98,7 +98,7 @@ fn run(gpu: &Gpu, shot: &Shot, passes: &Passes, options: &Options) -> Run {
     let mut cloud = surfelizer
         .create_cloud(device, options.capacity)
         .expect("a cloud");
-    let clusters = splatter
+    let mut clusters = splatter
         .create_clusters(device, &cloud, levels)
         .expect("clusters");
     let view = splatter
@@ -135,7 +135,7 @@ fn run(gpu: &Gpu, shot: &Shot, passes: &Passes, options: &Options) -> Run {
                 timestamps: None,
             },
             &options.splat,
-            &clusters,
+            &mut clusters,
         )
         .expect("clusters");
     splatter
@@ -797,7 +797,7 @@ fn two_views_share_a_cloud() {
     let mut cloud = surfelizer
         .create_cloud(device, options.capacity)
         .expect("a cloud");
-    let clusters = splatter
+    let mut clusters = splatter
         .create_clusters(device, &cloud, 3)
         .expect("clusters");
     let views = [(); 2].map(|()| splatter.create_view(device, 32, 24, 3).expect("a view"));
@@ -828,7 +828,7 @@ fn two_views_share_a_cloud() {
                 timestamps: None,
             },
             &settings,
-            &clusters,
+            &mut clusters,
         )
         .expect("clusters");
     for (shot, view) in shots.iter().zip(&views) {
@@ -961,11 +961,25 @@ fn bad_settings_are_typed_errors() {
     let cloud = surfelizer
         .create_cloud(device, options.capacity)
         .expect("a cloud");
-    let clusters = splatter
+    let mut clusters = splatter
         .create_clusters(device, &cloud, 2)
         .expect("clusters");
     let mut encoder = gpu.encoder();
-    let mut refused = |splat: &ShellSplatter, levels, size: [u32; 2]| {
+    let input = ClusterInput {
+        cloud: &cloud,
+        materials: None,
+        timestamps: None,
+    };
+    splatter
+        .record_clusters(
+            device,
+            &mut encoder,
+            &input,
+            &splat_settings(2, 0.01),
+            &mut clusters,
+        )
+        .expect("clusters");
+    let mut refused = |splat: &ShellSplatter, levels, epsilon, size: [u32; 2]| {
         let view = splat
             .create_view(device, size[0], size[1], 2)
             .expect("a view");
@@ -982,20 +996,28 @@ fn bad_settings_are_typed_errors() {
                 device,
                 &mut encoder,
                 &input,
-                &splat_settings(levels, 0.01),
+                &splat_settings(levels, epsilon),
                 &view,
             )
             .expect_err("does not fit")
     };
+    // Bounds recorded for shorter reaches would lose what lies beyond them.
     assert!(matches!(
-        refused(&splatter, 3, [8, 8]),
+        refused(&splatter, 2, 0.001, [8, 8]),
         Error::Mismatch {
             name: "SurfelClusters",
             ..
         }
     ));
     assert!(matches!(
-        refused(&splatter, 2, [8, 9]),
+        refused(&splatter, 3, 0.01, [8, 8]),
+        Error::Mismatch {
+            name: "SurfelClusters",
+            ..
+        }
+    ));
+    assert!(matches!(
+        refused(&splatter, 2, 0.01, [8, 9]),
         Error::Mismatch {
             name: "SplatView",
             ..
@@ -1012,7 +1034,7 @@ fn bad_settings_are_typed_errors() {
     )
     .expect("pipelines");
     assert!(matches!(
-        refused(&lit, 2, [8, 8]),
+        refused(&lit, 2, 0.01, [8, 8]),
         Error::Buffer {
             name: "materials",
             ..

@@ -59,7 +59,7 @@ fn recordings_write_their_times() {
         triangles: 1 << 12,
     };
     let mut cloud = surfelizer.create_cloud(device, capacity).expect("a cloud");
-    let clusters = splatter
+    let mut clusters = splatter
         .create_clusters(device, &cloud, 5)
         .expect("clusters");
     let sums = splatter.create_view(device, 16, 16, 5).expect("a view");
@@ -104,7 +104,7 @@ fn recordings_write_their_times() {
         timestamps: stamps(2),
     };
     splatter
-        .record_clusters(device, &mut encoder, &input, &settings, &clusters)
+        .record_clusters(device, &mut encoder, &input, &settings, &mut clusters)
         .expect("clusters");
     let input = SplatInput {
         gbuffer: shot.gbuffer(),

@@ -117,7 +117,7 @@ impl Renderer {
                     timestamps: None,
                 },
                 &preset.splat,
-                &self.clusters,
+                &mut self.clusters,
             )
         });
         done?;

@@ -68,6 +68,8 @@ pub struct SurfelClusters {
     dispatches: Buffer,
     places: Vec<LevelPlace>,
     capacity: u32,
+    /// What the bounds were last recorded for: surfels reach no farther than these settings let them.
+    recorded: Option<SplatSettings>,
 }
 
 impl SurfelClusters {
@@ -151,7 +153,7 @@ pub struct SplatInput<'a> {
     pub camera: &'a Camera,
     /// The surfels.
     pub cloud: &'a SurfelCloud,
-    /// Their clusters.
+    /// Their clusters, recorded for the same effect and settings.
     pub clusters: &'a SurfelClusters,
     /// A storage buffer of [`Material`](crate::Material)s, for an effect with [`Effect::materials`]. An index beyond
     /// its end takes the last one.
@@ -291,6 +293,7 @@ impl ShellSplatter {
             )?,
             places,
             capacity: cloud.capacity.surfels,
+            recorded: None,
         })
     }
 
@@ -343,7 +346,7 @@ impl ShellSplatter {
         encoder: &mut CommandEncoder,
         input: &ClusterInput<'_>,
         settings: &SplatSettings,
-        clusters: &SurfelClusters,
+        clusters: &mut SurfelClusters,
     ) -> Result<(), Error> {
         settings.validate()?;
         check_timestamps(input.timestamps)?;
@@ -386,6 +389,7 @@ impl ShellSplatter {
             pass.dispatch_workgroups_indirect(&clusters.dispatches, at + DISPATCH_BYTES);
             pass.pop_debug_group();
         }
+        clusters.recorded = Some(bounds_of(settings));
         Ok(())
     }
 
@@ -393,8 +397,8 @@ impl ShellSplatter {
     ///
     /// # Errors
     /// What [`GBuffer::validate`] and [`SplatSettings::validate`] find; [`Error::Mismatch`] where the view has another
-    /// size than the camera's viewport, or fewer levels than the settings; [`Error::Buffer`] for a missing material
-    /// table.
+    /// size than the camera's viewport, or fewer levels than the settings, and where the clusters were last recorded with
+    /// other settings (but for the seed); [`Error::Buffer`] for a missing material table.
     pub fn record(
         &self,
         device: &Device,
@@ -408,6 +412,13 @@ impl ShellSplatter {
         let viewport = input.camera.viewport();
         input.gbuffer.validate(viewport)?;
         check_clusters(input.cloud, settings, input.clusters)?;
+        if input.clusters.recorded != Some(bounds_of(settings)) {
+            return Err(Error::Mismatch {
+                name: "SurfelClusters",
+                found: format!("{:?}", input.clusters.recorded),
+                needed: format!("recorded with {:?}", bounds_of(settings)),
+            });
+        }
         let materials = self.check_materials(input.materials)?;
         if view.size() != [viewport.width, viewport.height]
             || view.levels < settings.levels
@@ -558,4 +569,12 @@ fn check_clusters(
         });
     }
     Ok(())
+}
+
+/// The settings that clusters' bounds depend on: all but the seed.
+fn bounds_of(settings: &SplatSettings) -> SplatSettings {
+    SplatSettings {
+        seed: 0,
+        ..*settings
+    }
 }

@@ -115,7 +115,7 @@ impl Passes {
                 &mut self.cloud,
             )
             .expect("surfels");
-        let clusters = self
+        let mut clusters = self
             .splatter
             .create_clusters(device, &self.cloud, levels)
             .expect("clusters");
@@ -130,7 +130,7 @@ impl Passes {
                     timestamps: None,
                 },
                 &settings,
-                &clusters,
+                &mut clusters,
             )
             .expect("clusters");
         gpu.finish(encoder);

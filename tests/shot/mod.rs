@@ -161,7 +161,7 @@ impl Passes {
             .surfelizer
             .create_cloud(device, settings.capacity)
             .expect("a cloud");
-        let clusters = self
+        let mut clusters = self
             .splatter
             .create_clusters(device, &cloud, levels)
             .expect("clusters");
@@ -204,7 +204,7 @@ impl Passes {
                     timestamps: None,
                 },
                 &settings.splat,
-                &clusters,
+                &mut clusters,
             )
             .expect("clusters");
         self.splatter
