@@ -88,6 +88,7 @@ mod geometry;
 mod gpu;
 #[cfg(test)]
 mod layout;
+mod light;
 mod receivers;
 mod reconstructor;
 #[cfg(feature = "reference")]
@@ -109,6 +110,7 @@ pub use geometry::{
     Vertices,
 };
 pub use gpu::Timestamps;
+pub use light::Light;
 pub use reconstructor::{
     Reconstructor, ReconstructorInput, ReconstructorView, settings::ReconstructorSettings,
 };

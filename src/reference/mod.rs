@@ -4,6 +4,7 @@
 pub mod effects;
 pub mod gbuffer;
 pub mod hashing;
+pub mod light;
 pub mod packing;
 pub mod receivers;
 pub mod reconstructor;

@@ -6,6 +6,8 @@
 //! triangles.
 
 mod ambient_occlusion;
+mod hemisphere;
+mod one_bounce;
 mod triangle;
 
 use glam::DVec3;
@@ -18,7 +20,9 @@ use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 use obvhs::ray::{Ray, RayHit};
 use thiserror::Error;
 
-pub use ambient_occlusion::{Estimate, Receiver};
+pub use ambient_occlusion::Estimate;
+pub use hemisphere::Receiver;
+pub use one_bounce::ColorEstimate;
 use triangle::{Line, Triangle};
 
 /// How far every box of the tree is grown, in the tree's own units (see [`Frame`]). A ray inside
@@ -141,18 +145,31 @@ impl Tracer {
         t_min: f64,
         t_max: f64,
     ) -> Option<Hit> {
+        self.nearest(origin, direction, t_min, t_max)
+            .map(|(hit, _)| hit)
+    }
+
+    /// The same, with the triangle.
+    fn nearest(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        t_min: f64,
+        t_max: f64,
+    ) -> Option<(Hit, &Triangle)> {
         let direction = direction.try_normalize()?;
         let span = self.frame.enter(origin, direction, t_min, t_max)?;
         let line = Line::new(origin, direction);
-        let mut nearest: Option<Hit> = None;
+        let mut nearest: Option<(Hit, &Triangle)> = None;
         self.tree
             .ray_traverse(span.ray, &mut RayHit::none(), |_, slot| {
-                match self.triangles[slot].meet(&line) {
+                let triangle = &self.triangles[slot];
+                match triangle.meet(&line) {
                     Some(hit)
                         if (t_min..t_max).contains(&hit.t)
-                            && nearest.is_none_or(|old| is_before(&hit, &old)) =>
+                            && nearest.is_none_or(|(old, _)| is_before(&hit, &old)) =>
                     {
-                        nearest = Some(hit);
+                        nearest = Some((hit, triangle));
                         span.tree_distance(hit.t)
                     }
                     _ => f32::INFINITY,

@@ -48,6 +48,22 @@ impl Scene {
     pub fn triangle_count(&self) -> usize {
         self.indices.len() / 3
     }
+
+    /// The material table as the passes take it: [`Part::material`] points into it.
+    pub fn material_table(&self) -> Vec<crate::Material> {
+        self.materials.iter().copied().map(Into::into).collect()
+    }
+
+    /// The material of each triangle, as the ray tracer takes them.
+    pub fn triangle_materials(&self) -> Vec<crate::Material> {
+        self.parts
+            .iter()
+            .flat_map(|part| {
+                let material = self.materials[part.material as usize].into();
+                std::iter::repeat_n(material, part.index_count as usize / 3)
+            })
+            .collect()
+    }
 }
 
 /// A run of a scene's indices drawn with one material.
@@ -68,6 +84,16 @@ pub struct Material {
     pub albedo: [f32; 3],
     /// Radiosity emitted by the front side, in W/m²: linear RGB.
     pub emission: [f32; 3],
+}
+
+impl From<Material> for crate::Material {
+    fn from(material: Material) -> Self {
+        Self {
+            albedo: material.albedo,
+            emission: material.emission,
+            ..Self::default()
+        }
+    }
 }
 
 /// A camera.

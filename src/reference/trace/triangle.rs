@@ -31,6 +31,19 @@ impl Triangle {
         self.corners.map(|corner: Vec3| DVec3::from(corner))
     }
 
+    /// The unit normal of the front side, from which the corners run counter-clockwise.
+    pub(super) fn normal(&self) -> DVec3 {
+        let [a, b, c] = self.corners();
+        (b - a).cross(c - a).normalize_or_zero()
+    }
+
+    /// The place of a hit.
+    pub(super) fn at(&self, hit: &Hit) -> DVec3 {
+        let [a, b, c] = self.corners();
+        let [v, w] = hit.barycentric;
+        a + (b - a) * v + (c - a) * w
+    }
+
     /// Where a line meets the triangle, in front of the line's origin or behind.
     pub(super) fn meet(&self, line: &Line) -> Option<Hit> {
         let [a, b, c] = self.corners().map(|corner| line.project(corner));
