@@ -192,7 +192,7 @@ fn check_layout(
     check_size(name, buffer, offset.saturating_add(end))
 }
 
-fn check_usage(name: &'static str, buffer: &Buffer) -> Result<(), Error> {
+pub(crate) fn check_usage(name: &'static str, buffer: &Buffer) -> Result<(), Error> {
     if buffer.usage().contains(BufferUsages::STORAGE) {
         Ok(())
     } else {
@@ -204,7 +204,7 @@ fn check_usage(name: &'static str, buffer: &Buffer) -> Result<(), Error> {
     }
 }
 
-fn check_size(name: &'static str, buffer: &Buffer, end: u64) -> Result<(), Error> {
+pub(crate) fn check_size(name: &'static str, buffer: &Buffer, end: u64) -> Result<(), Error> {
     if buffer.size() >= end {
         Ok(())
     } else {

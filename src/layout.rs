@@ -3,12 +3,15 @@
 use std::mem::offset_of;
 
 use crate::{
-    AmbientOcclusion, Channels, Effect, Material, Piece, SurfelCounts, SurfelSource,
+    AmbientOcclusion, Channels, Effect, Material, Piece, SurfelCounts, SurfelRadiance,
+    SurfelSource,
     camera::CameraParams,
+    light::LightParams,
     receivers::ReceiversParams,
     reconstructor::params::ReconstructorParams,
     shaders,
     shell_splatter::params::SplatParams,
+    surfel_shader::params::{ShadowCameraParams, ShadowParams, SurfelShaderParams},
     surfelizer::params::{MeshParams, SurfelizerParams},
 };
 
@@ -118,6 +121,19 @@ fn structs_match_the_shaders() {
             size_of::<ReconstructorParams>(),
         );
     }
+    let shaded = |name: &str, fields: &[(&str, usize)], size: usize| {
+        check(&ao, "surfel_shader shadow map samples", name, fields, size);
+    };
+    let params = fields!(SurfelShaderParams: light, first, splits);
+    shaded("Params", &params, size_of::<SurfelShaderParams>());
+    let light = fields!(LightParams: position, kind, direction, outer, color, sharpness);
+    shaded("Light", &light, size_of::<LightParams>());
+    let camera = fields!(ShadowCameraParams: clip, eye, far_depth, viewport, texel);
+    shaded("ShadowCamera", &camera, size_of::<ShadowCameraParams>());
+    let shadow = fields!(ShadowParams: cameras, count, bias, depth_step);
+    shaded("Shadow", &shadow, size_of::<ShadowParams>());
+    let radiance = fields!(SurfelRadiance: front, back);
+    shaded("SurfelRadiance", &radiance, size_of::<SurfelRadiance>());
     check(
         &ao,
         "surfelizer",

@@ -1,9 +1,10 @@
 //! Ambient occlusion for wgpu from surfels: small disks on all surfaces of a scene, so that what is hidden, off screen
 //! or edge-on occludes like what is seen (Nalbach, Ritschel and Seidel, *Deep Screen Space*, 2014).
 //!
-//! Three passes, each of which records into the caller's encoder and owns only what it makes:
+//! Passes, each of which records into the caller's encoder and owns only what it makes:
 //!
 //! * [`Surfelizer`]: the caller's triangles become a [`SurfelCloud`], finer near the camera than far from it.
+//! * [`SurfelShader`]: what each surfel sends of the caller's [`Light`]s, for effects that bounce light.
 //! * [`ShellSplatter`]: sums over the surfels for every pixel of the caller's G-buffer, near ones at full resolution and
 //!   far ones ever more coarsely. What a surfel adds to a pixel is an [`Effect`], the crate's ([`AmbientOcclusion`]) or
 //!   one of the caller's, in WGSL.
@@ -98,6 +99,7 @@ pub mod scenes;
 mod shaders;
 mod shell_splatter;
 mod surfel;
+mod surfel_shader;
 mod surfelizer;
 
 pub use camera::{Camera, Footprint, Viewport};
@@ -119,7 +121,12 @@ pub use shell_splatter::{
     ClusterInput, ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatView, SurfelClusters,
     settings::SplatSettings,
 };
-pub use surfel::{CloudCapacity, Piece, Surfel, SurfelCloud, SurfelCounts, SurfelSource};
+pub use surfel::{
+    CloudCapacity, Piece, Surfel, SurfelCloud, SurfelCounts, SurfelRadiance, SurfelSource,
+};
+pub use surfel_shader::{
+    ShadedLight, Shadow, ShadowMap, SurfelShader, SurfelShaderInput, settings::SurfelShaderSettings,
+};
 pub use surfelizer::{
     Surfelizer, SurfelizerInput,
     settings::{Placement, Reach, SurfelizerSettings},

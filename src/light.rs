@@ -2,6 +2,7 @@
 
 use std::f32::consts::FRAC_PI_2;
 
+use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use crate::error::{Error, check_setting};
@@ -91,6 +92,84 @@ impl Light {
             }
         }
     }
+
+    /// Whether it sends anything at all.
+    pub(crate) fn shines(&self) -> bool {
+        let (Self::Directional {
+            irradiance: color, ..
+        }
+        | Self::Point {
+            intensity: color, ..
+        }
+        | Self::Spot {
+            intensity: color, ..
+        }) = self;
+        color.iter().any(|c| *c > 0.0)
+    }
+}
+
+/// `Light` of `wgsl/common/light.wgsl`. All zero is no light.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct LightParams {
+    pub(crate) position: [f32; 3],
+    pub(crate) kind: u32,
+    pub(crate) direction: [f32; 3],
+    pub(crate) outer: f32,
+    pub(crate) color: [f32; 3],
+    pub(crate) sharpness: f32,
+}
+
+impl LightParams {
+    /// In the eye space of `origin`.
+    pub fn new(light: &Light, origin: DVec3) -> Self {
+        // Infinity never goes to a shader: coordinates beyond this are taken to lie there.
+        let farthest = DVec3::splat(MAX_LIGHT.into());
+        let relative = |p: DVec3| (p - origin).clamp(-farthest, farthest).as_vec3().to_array();
+        let unit = |d: DVec3| d.normalize_or_zero().as_vec3().to_array();
+        match *light {
+            Light::Directional {
+                direction,
+                irradiance,
+            } => Self {
+                kind: 1,
+                direction: unit(direction),
+                color: irradiance,
+                ..Self::default()
+            },
+            Light::Point {
+                position,
+                intensity,
+            } => Self {
+                kind: 2,
+                position: relative(position),
+                color: intensity,
+                ..Self::default()
+            },
+            Light::Spot {
+                position,
+                direction,
+                intensity,
+                inner,
+                outer,
+            } => {
+                let [inner, outer] = [inner, outer].map(versine);
+                Self {
+                    kind: 3,
+                    position: relative(position),
+                    direction: unit(direction),
+                    outer: outer as f32,
+                    color: intensity,
+                    sharpness: (1.0 / (outer - inner).max(1e-18)) as f32,
+                }
+            }
+        }
+    }
+}
+
+/// 1 − cos of an angle, with the digits that the cosine of a small one loses.
+pub(crate) fn versine(angle: f32) -> f64 {
+    2.0 * (f64::from(angle) / 2.0).sin().powi(2)
 }
 
 fn check_position(position: DVec3) -> Result<(), Error> {

@@ -7,6 +7,7 @@ use crate::{
     receivers,
     reconstructor::{self, ReconstructorVariant},
     shell_splatter::{self, SplatVariant},
+    surfel_shader::{self, ShadeVariant},
     surfelizer,
 };
 
@@ -77,6 +78,20 @@ pub fn shaders(effect: &Effect) -> Result<Vec<Shader>, Error> {
                 shell_splatter::source(effect, variant)?,
                 features,
             ));
+        }
+    }
+    for shadow_map in [false, true] {
+        for samples in [false, true] {
+            let name = format!(
+                "surfel_shader{}{}",
+                if shadow_map { " shadow map" } else { "" },
+                if samples { " samples" } else { "" }
+            );
+            let variant = ShadeVariant {
+                shadow_map,
+                samples,
+            };
+            all.push(shader(&name, surfel_shader::source(variant)?, none));
         }
     }
     for smoothed in [false, true] {

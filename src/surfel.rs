@@ -10,6 +10,7 @@ use crate::{
         scan::{Scan, ScanBuffer},
         storage,
     },
+    surfelizer::settings::Placement,
 };
 
 /// How much a cloud can hold. Memory is `32 · surfels + 52 · pieces + 4 · triangles` bytes.
@@ -47,6 +48,23 @@ pub struct SurfelSource {
     pub leaf: u32,
     /// Index into the caller's material table.
     pub material: u32,
+}
+
+/// What a surfel sends: 32 bytes each, one a surfel of a cloud. The [`SurfelShader`](crate::SurfelShader) fills a buffer
+/// of them; so may a caller that knows its surfaces' light from elsewhere.
+///
+/// A Lambertian surface sends the same into all directions of a side. Its radiosity, W/m², is π times this.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct SurfelRadiance {
+    /// Radiance of the front side, the one that the normal points to: linear RGB, W/(m² sr), 0…1e18.
+    pub front: [f32; 3],
+    /// 0.
+    pub padding0: f32,
+    /// Radiance of the back side.
+    pub back: [f32; 3],
+    /// 0.
+    pub padding1: f32,
 }
 
 /// A triangle after pre-splitting: `pieces` of the cloud, 48 bytes each. Its surfels are the leaves of its
@@ -100,6 +118,8 @@ impl SurfelCounts {
 pub struct SurfelCloud {
     pub(crate) capacity: CloudCapacity,
     pub(crate) origin: DVec3,
+    /// How its surfels were last placed.
+    pub(crate) placement: Placement,
     pub(crate) surfels: Buffer,
     pub(crate) sources: Buffer,
     pub(crate) pieces: Buffer,
@@ -139,6 +159,7 @@ impl SurfelCloud {
         Ok(Self {
             capacity,
             origin: DVec3::ZERO,
+            placement: Placement::default(),
             surfels: storage(
                 device,
                 "deep-screen-space surfels",

@@ -20,6 +20,7 @@
 #import camera
 #import dispatch
 #import surfel
+#import triangle
 
 struct Params {
   camera: Camera,
@@ -101,27 +102,8 @@ const MAX_NODES: u32 = 8192u;
 // The walk goes back down from a node at a multiple of this depth, at least as far above where it goes to.
 const ANCHOR_STEP: u32 = 4u;
 const MAX_CLAMPED_ORDER: u32 = 20u;
-// Of Piece.shape: bits 0 to 11 are the order, bit 12 says that the piece is below the target area, the rest is a hash
-// of the piece's path.
-const SHAPE_ORDER: u32 = 0xfffu;
-const SHAPE_SMALL: u32 = 0x1000u;
-const SHAPE_PATH_SHIFT: u32 = 13u;
 // a below which round(log2(a)) is negative: 1 / sqrt(2).
 const SMALL_AREA: f32 = 0.70710678;
-
-struct Triangle {
-  a: vec3f,
-  b: vec3f,
-  c: vec3f,
-}
-
-fn centroid(t: Triangle) -> vec3f {
-  return (t.a + t.b + t.c) * (1.0 / 3.0);
-}
-
-fn length2(v: vec3f) -> f32 {
-  return dot(v, v);
-}
 
 // Twice the area along the normal, divided by `scale` squared: products of edges would underflow below 1e-19.
 struct AreaVector {
@@ -143,45 +125,6 @@ fn area_vector(t: Triangle) -> AreaVector {
 fn area_root(t: Triangle) -> f32 {
   let v = area_vector(t);
   return v.scale * sqrt(0.5 * length(v.direction));
-}
-
-// Which edge is the longest: 0 for ab, 1 for bc, 2 for ca. Near ties go to the first, so that symmetric triangles
-// split alike whatever the rounding.
-fn longest_edge(t: Triangle) -> u32 {
-  let ab = length2(t.b - t.a);
-  let bc = length2(t.c - t.b);
-  let ca = length2(t.a - t.c);
-  var longest = 0u;
-  var best = ab;
-  if bc > best * 1.001 {
-    longest = 1u;
-    best = bc;
-  }
-  if ca > best * 1.001 {
-    longest = 2u;
-  }
-  return longest;
-}
-
-// One half of a triangle cut at the middle of its longest edge; both keep the winding.
-fn bisect(t: Triangle, side: u32) -> Triangle {
-  var first: Triangle;
-  switch longest_edge(t) {
-    case 0u: {
-      first = t;
-    }
-    case 1u: {
-      first = Triangle(t.b, t.c, t.a);
-    }
-    default: {
-      first = Triangle(t.c, t.a, t.b);
-    }
-  }
-  let middle = (first.a + first.b) * 0.5;
-  if side == 0u {
-    return Triangle(first.a, middle, first.c);
-  }
-  return Triangle(middle, first.b, first.c);
 }
 
 // The radius that a surfel at p should have. Euclidean distance: the view depth of the paper explodes beside the camera.
@@ -551,15 +494,6 @@ fn finish() {
   counters.stored = min(total, params.surfel_capacity);
   let workgroups = (counters.stored + 63u) / 64u;
   emission = array<u32, 3>(min(workgroups, DISPATCH_ROW), (workgroups + DISPATCH_ROW - 1u) / DISPATCH_ROW, 1u);
-}
-
-// A point of a piece's bisection tree of depth `order`: bit d of `leaf` is the side taken at depth d.
-fn leaf_of(piece: Triangle, leaf: u32, order: u32) -> Triangle {
-  var node = piece;
-  for (var depth = 0u; depth < order; depth++) {
-    node = bisect(node, (leaf >> (order - 1u - depth)) & 1u);
-  }
-  return node;
 }
 
 // Uniform over a triangle (Turk 1990).

@@ -16,6 +16,9 @@ const COMMON: &[(&str, &str)] = &[
     ("dispatch", include_str!("../../wgsl/common/dispatch.wgsl")),
     ("receiver", include_str!("../../wgsl/common/receiver.wgsl")),
     ("surfel", include_str!("../../wgsl/common/surfel.wgsl")),
+    ("triangle", include_str!("../../wgsl/common/triangle.wgsl")),
+    ("light", include_str!("../../wgsl/common/light.wgsl")),
+    ("material", include_str!("../../wgsl/common/material.wgsl")),
     ("levels", include_str!("../../wgsl/common/levels.wgsl")),
     (
         "effect_types",

@@ -2,10 +2,14 @@
 
 use glam::DVec3;
 
-use crate::Light;
+use crate::{Light, light::versine};
 
+/// What stands for infinity in the shader.
+const FAR_LIGHT: f64 = 1e18;
 /// Nearer than this counts as this far: the irradiance of a light without extent has no bound.
 const MIN_DISTANCE: f64 = 1e-9;
+/// Nearer than this a point is at the light and has no direction to it.
+const AT_LIGHT: f64 = 1e-18;
 
 /// A light seen from a point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -50,20 +54,20 @@ pub fn arrival(light: &Light, point: DVec3) -> Arrival {
 fn from_position(position: DVec3, intensity: [f32; 3], point: DVec3) -> Arrival {
     let offset = position - point;
     let distance = offset.length();
-    if distance == 0.0 {
+    if distance < AT_LIGHT {
         return Arrival::default();
     }
+    let irradiance = color(intensity) / distance.max(MIN_DISTANCE).powi(2);
     Arrival {
         to_light: offset / distance,
         distance,
-        irradiance: color(intensity) / distance.max(MIN_DISTANCE).powi(2),
+        irradiance: irradiance.min(DVec3::splat(FAR_LIGHT)),
     }
 }
 
 /// Share of a spot's intensity that goes along a unit vector.
 fn cone(axis: DVec3, inner: f32, outer: f32, along: DVec3) -> f64 {
-    let versine = |angle: f64| 2.0 * (angle / 2.0).sin().powi(2);
-    let (inner, outer) = (versine(inner.into()), versine(outer.into()));
+    let [inner, outer] = [inner, outer].map(versine);
     let here = axis.normalize_or_zero().distance_squared(along) / 2.0;
     if outer <= inner {
         return f64::from(u8::from(here < outer));

@@ -9,5 +9,6 @@ pub mod packing;
 pub mod receivers;
 pub mod reconstructor;
 pub mod shell_splatter;
+pub mod surfel_shader;
 pub mod surfelizer;
 pub mod trace;

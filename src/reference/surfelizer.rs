@@ -80,7 +80,7 @@ pub struct Cloud {
     pub counts: SurfelCounts,
 }
 
-fn centroid(t: Triangle) -> DVec3 {
+pub(super) fn centroid(t: Triangle) -> DVec3 {
     (t.a + t.b + t.c) / 3.0
 }
 

@@ -1,10 +1,7 @@
 // What an effect's code (src/effect.rs) is written against.
 
 #if MATERIAL
-struct Material {
-  albedo: vec3f,
-  emission: vec3f,
-}
+#import material
 #endif
 
 // What an effect knows of a surfel.

@@ -9,6 +9,14 @@ struct SurfelSource {
   material: u32,
 }
 
+// What a surfel sends from each side, W/(m^2 sr).
+struct SurfelRadiance {
+  front: vec3f,
+  padding0: f32,
+  back: vec3f,
+  padding1: f32,
+}
+
 // A triangle after pre-splitting, in the cloud's eye space.
 struct Piece {
   a: vec3f,
@@ -19,6 +27,12 @@ struct Piece {
   c: vec3f,
   triangle: u32,
 }
+
+// Of Piece.shape: bits 0 to 11 are the order, bit 12 says that the piece is below the target area, the rest is a hash
+// of the piece's path.
+const SHAPE_ORDER: u32 = 0xfffu;
+const SHAPE_SMALL: u32 = 0x1000u;
+const SHAPE_PATH_SHIFT: u32 = 13u;
 
 // Counts of one recording, readable by the caller: SurfelCounts of src/surfel.rs. The shader that counts aliases
 // Counter to atomic<u32>, the others to u32.

@@ -1,0 +1,151 @@
+//! Mirror of `wgsl/surfel_shader.wgsl`, with positions in world space.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use super::{
+    light::{Arrival, arrival},
+    surfelizer::{Triangle, centroid, leaf_of},
+};
+use crate::{
+    Camera, Light, Material,
+    surfel_shader::params::{clip, texel},
+};
+
+const BRIGHTEST: f64 = 1e18;
+const SEAM: f64 = 1e-5;
+
+/// A surfel as it is lit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surfel {
+    /// Its centre.
+    pub position: DVec3,
+    /// Its unit normal.
+    pub normal: DVec3,
+    /// Index into the material table.
+    pub material: u32,
+    /// The triangle that it stands for, where it has one.
+    pub leaf: Option<Triangle>,
+}
+
+/// [`crate::SurfelRadiance`] in f64.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Radiance {
+    /// Of the front side.
+    pub front: DVec3,
+    /// Of the back side.
+    pub back: DVec3,
+}
+
+/// [`crate::ShadowMap`] on the CPU.
+#[derive(Clone, Copy, Debug)]
+pub struct ShadowMap<'a> {
+    /// The texels of each layer, rows from the top.
+    pub depth: &'a [Vec<f32>],
+    /// Texels in a row.
+    pub width: u32,
+    /// As [`crate::ShadowMap::cameras`].
+    pub cameras: &'a [Camera],
+    /// As [`crate::ShadowMap::bias`].
+    pub bias: f64,
+    /// How far a stored depth may lie from the true one: 0 for 32 bits, a step of the format for fewer.
+    pub depth_step: f64,
+}
+
+/// A light, and its shadow map if it casts shadows.
+#[derive(Clone, Copy, Debug)]
+pub struct ShadedLight<'a> {
+    /// The light.
+    pub light: Light,
+    /// Its map.
+    pub shadow: Option<ShadowMap<'a>>,
+}
+
+fn sound(color: [f32; 3]) -> DVec3 {
+    let sound = |c: f32| {
+        if c.is_finite() {
+            f64::from(c).clamp(0.0, BRIGHTEST)
+        } else {
+            0.0
+        }
+    };
+    DVec3::from(color.map(sound))
+}
+
+impl ShadowMap<'_> {
+    /// Share of a light that arrives at a point of a surface; `side` is the normal on the side of the light.
+    pub fn lit(&self, point: DVec3, side: DVec3) -> f64 {
+        for (camera, depth) in self.cameras.iter().zip(self.depth) {
+            let relative = point - camera.eye();
+            let clip = clip(camera);
+            let w = (clip * relative.extend(1.0)).w;
+            if w <= 0.0 {
+                continue;
+            }
+            let p = clip * (relative + side * (self.bias * texel(camera) * w)).extend(1.0);
+            let bound = p.w * (1.0 + SEAM);
+            if p.w <= 0.0 || p.x.abs() > bound || p.y.abs() > bound || p.z < 0.0 || p.z > p.w {
+                continue;
+            }
+            let viewport = camera.viewport();
+            let at = |ndc: f64, from: u32, texels: u32| {
+                let texel = ((ndc * 0.5 + 0.5).clamp(0.0, 1.0) * f64::from(texels)) as u32;
+                from + texel.min(texels - 1)
+            };
+            let x = at(p.x / p.w, viewport.x, viewport.width);
+            let y = at(-p.y / p.w, viewport.y, viewport.height);
+            let nearest = f64::from(depth[(y * self.width + x) as usize]);
+            let depth = p.z / p.w;
+            let nearer = if camera.background_depth() == 0.0 {
+                nearest > depth + self.depth_step
+            } else {
+                nearest < depth - self.depth_step
+            };
+            return if nearer { 0.0 } else { 1.0 };
+        }
+        1.0
+    }
+}
+
+/// What one surfel sends. `samples` is a power of two; a surfel without a triangle is lit at its centre alone.
+pub fn shade(
+    surfel: &Surfel,
+    materials: &[Material],
+    lights: &[ShadedLight<'_>],
+    samples: u32,
+) -> Radiance {
+    let material = materials[(surfel.material as usize).min(materials.len() - 1)];
+    let mut radiance = Radiance {
+        front: sound(material.emission) / PI,
+        back: DVec3::ZERO,
+    };
+    let points: Vec<DVec3> = match surfel.leaf {
+        Some(leaf) if samples > 1 => (0..samples)
+            .map(|k| centroid(leaf_of(leaf, k, samples.trailing_zeros())))
+            .collect(),
+        _ => vec![surfel.position],
+    };
+    for shaded in lights {
+        let (mut to_front, mut to_back) = (DVec3::ZERO, DVec3::ZERO);
+        for &point in &points {
+            let Arrival {
+                to_light,
+                irradiance,
+                ..
+            } = arrival(&shaded.light, point);
+            let cosine = surfel.normal.dot(to_light);
+            let lit = |side| shaded.shadow.map_or(1.0, |map| map.lit(point, side));
+            if cosine > 0.0 {
+                to_front += irradiance * cosine * lit(surfel.normal);
+            } else if cosine < 0.0 {
+                to_back -= irradiance * cosine * lit(-surfel.normal);
+            }
+        }
+        let share = sound(material.albedo) / (PI * points.len() as f64);
+        let brightest = DVec3::splat(BRIGHTEST);
+        radiance.front = (radiance.front + share * to_front).min(brightest);
+        radiance.back = (radiance.back + share * to_back).min(brightest);
+    }
+    radiance
+}

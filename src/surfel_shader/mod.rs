@@ -1,0 +1,416 @@
+//! Direct light of surfels, for effects that bounce it (`wgsl/surfel_shader.wgsl`).
+
+pub(crate) mod params;
+pub(crate) mod settings;
+
+use wgpu::{
+    BindGroupLayout, BindingResource, BindingType, Buffer, BufferBinding, BufferUsages,
+    CommandEncoder, ComputePipeline, Device, PipelineCache, ShaderStages, TextureUsages,
+    TextureView,
+};
+
+use self::{
+    params::{ShadowParams, SurfelShaderParams},
+    settings::SurfelShaderSettings,
+};
+use crate::{
+    camera::Camera,
+    error::{Error, check_limit, check_setting},
+    geometry::{Material, check_size, check_usage},
+    gpu::{
+        Kernel, Timestamps,
+        binding::{self, FLOAT_ARRAY, READ, UNIFORM, WRITE, view, whole},
+        check_timestamps, compute_pass, shader, storage, uniform,
+    },
+    light::Light,
+    surfel::{SurfelCloud, SurfelRadiance},
+    surfelizer::settings::Placement,
+};
+
+pub(crate) const SOURCE: &str = include_str!("../../wgsl/surfel_shader.wgsl");
+
+const LABEL: &str = "deep-screen-space surfel shader";
+
+/// Cameras that one shadow map can have: a point light's six.
+pub(crate) const MAX_SHADOW_CAMERAS: usize = 6;
+
+/// Lights surfels: fills a buffer with what each of a cloud's surfels sends from its front and its back, its own
+/// emission and the direct light that it reflects. One pass between the [`Surfelizer`](crate::Surfelizer) and those
+/// that splat.
+///
+/// Holds pipelines only; one serves any number of clouds.
+#[derive(Debug)]
+pub struct SurfelShader {
+    plain: [ShadeKernel; 2],
+    mapped: [ShadeKernel; 2],
+}
+
+/// A variant: at index 0 for one point a surfel, at index 1 for several.
+#[derive(Debug)]
+struct ShadeKernel {
+    layout: BindGroupLayout,
+    pipeline: ComputePipeline,
+}
+
+/// How a light's shadows are found.
+#[derive(Clone, Copy, Debug, Default)]
+pub enum Shadow<'a> {
+    /// The light casts none.
+    #[default]
+    None,
+    /// In the caller's shadow map.
+    Map(ShadowMap<'a>),
+}
+
+/// A light's shadow map: depth as seen from the light, by one camera or by several.
+///
+/// A surfel looks into the first layer whose camera's frustum contains it (so that cascades go from the finest to the
+/// coarsest) and is in shadow where the depth there is nearer than its own. Outside of all frusta it is lit.
+#[derive(Clone, Copy, Debug)]
+pub struct ShadowMap<'a> {
+    /// A `D2Array` view, also of a texture with one layer: a depth format (of one with stencil the depth aspect alone),
+    /// or `R32Float` with the same values. Usage `TEXTURE_BINDING`, one sample a texel.
+    pub depth: &'a TextureView,
+    /// What the layers were drawn with, in order, 1…6: one for a directional or spot light, six for a point light. A
+    /// camera's viewport says which rectangle of its layer it fills. Depth is what the camera's projection makes of it:
+    /// forward or reversed, perspective or orthographic.
+    pub cameras: &'a [Camera],
+    /// How far a surfel is moved off its surface, to the side of the light, before it looks, in texels of the map where
+    /// the surfel is; 0…100. A texel holds the depth at its middle, at most `√½` of its side away, and a plane at the
+    /// angle θ to the light's rays is deeper there by up to `√½ tan θ` sides: moving off it by `√½ sin θ` sides makes up
+    /// for that at any slope. Default 1: the rest is for curved surfaces and for rounding. More loses shadows where
+    /// things touch. What no bias makes up for is an inner edge whose other surface the light grazes: there a strip of
+    /// less than a texel can be dark, and a finer map is what helps.
+    pub bias: f32,
+}
+
+impl<'a> ShadowMap<'a> {
+    /// A map with the default bias.
+    pub fn new(depth: &'a TextureView, cameras: &'a [Camera]) -> Self {
+        Self {
+            depth,
+            cameras,
+            bias: 1.0,
+        }
+    }
+
+    /// Checks the cameras, the bias and the texture.
+    ///
+    /// # Errors
+    /// [`Error::Setting`], [`Error::Format`], [`Error::Usage`], [`Error::Shape`] or [`Error::Size`], naming the field.
+    pub fn validate(&self) -> Result<(), Error> {
+        const DEPTH: &str = "ShadowMap::depth";
+        check_setting(
+            (1..=MAX_SHADOW_CAMERAS).contains(&self.cameras.len()),
+            "ShadowMap::cameras",
+            self.cameras.len() as f64,
+            "1 to 6 cameras",
+        )?;
+        check_setting(
+            (0.0..=100.0).contains(&self.bias),
+            "ShadowMap::bias",
+            self.bias,
+            "0 to 100 texels",
+        )?;
+        let texture = self.depth.texture();
+        let format = texture.format();
+        if !(format.has_depth_aspect() || format == wgpu::TextureFormat::R32Float) {
+            return Err(Error::Format {
+                name: DEPTH,
+                format,
+                accepted: "a depth format or R32Float",
+            });
+        }
+        if !texture.usage().contains(TextureUsages::TEXTURE_BINDING) {
+            return Err(Error::Usage {
+                name: DEPTH,
+                usage: texture.usage(),
+                needed: TextureUsages::TEXTURE_BINDING,
+            });
+        }
+        let layers = texture.depth_or_array_layers() as usize;
+        if texture.dimension() != wgpu::TextureDimension::D2
+            || texture.sample_count() != 1
+            || layers < self.cameras.len()
+        {
+            return Err(Error::Shape {
+                name: DEPTH,
+                found: format!(
+                    "dimension {:?}, {layers} layers, {} samples a texel",
+                    texture.dimension(),
+                    texture.sample_count()
+                ),
+                needed: "a 2-D texture with a layer a camera and one sample a texel",
+            });
+        }
+        for camera in self.cameras {
+            let needed = camera.viewport().end();
+            if texture.width() < needed[0] || texture.height() < needed[1] {
+                return Err(Error::Size {
+                    name: DEPTH,
+                    size: [texture.width(), texture.height()],
+                    needed,
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A light and its shadows.
+#[derive(Clone, Copy, Debug)]
+pub struct ShadedLight<'a> {
+    /// The light.
+    pub light: Light,
+    /// How its shadows are found.
+    pub shadow: Shadow<'a>,
+}
+
+/// What one recording of the [`SurfelShader`] works on.
+#[derive(Clone, Copy, Debug)]
+pub struct SurfelShaderInput<'a> {
+    /// The surfels.
+    pub cloud: &'a SurfelCloud,
+    /// A storage buffer of one or more [`Material`]s. An index beyond its end takes the last one; a component that is
+    /// negative or not finite counts as 0.
+    pub materials: &'a Buffer,
+    /// The lights, one dispatch each. None leaves the surfaces' own emission.
+    pub lights: &'a [ShadedLight<'a>],
+    /// Where the result goes: [`SurfelRadiance`] a surfel, of which the cloud's
+    /// [`SurfelCounts::stored`](crate::SurfelCounts::stored) are written. From [`SurfelShader::create_radiance`], or the
+    /// caller's own with usage `STORAGE` and 32 bytes for each surfel of the cloud's capacity.
+    pub radiance: &'a Buffer,
+    /// Where to write begin and end times, if anywhere.
+    pub timestamps: Option<Timestamps<'a>>,
+}
+
+impl SurfelShader {
+    /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] where the device was made with less than that.
+    pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
+        check_limit(
+            "max_storage_buffers_per_shader_stage",
+            u64::from(device.limits().max_storage_buffers_per_shader_stage),
+            6,
+            LABEL,
+        )?;
+        let kernel = |shadow_map, samples| {
+            ShadeKernel::new(
+                device,
+                ShadeVariant {
+                    shadow_map,
+                    samples,
+                },
+                cache,
+            )
+        };
+        Ok(Self {
+            plain: [kernel(false, false)?, kernel(false, true)?],
+            mapped: [kernel(true, false)?, kernel(true, true)?],
+        })
+    }
+
+    /// Room for what the surfels of a cloud send: a [`SurfelRadiance`] each (usages `STORAGE | COPY_SRC | COPY_DST`).
+    ///
+    /// # Errors
+    /// [`Error::Limit`] where the device cannot bind as much.
+    pub fn create_radiance(&self, device: &Device, cloud: &SurfelCloud) -> Result<Buffer, Error> {
+        storage(
+            device,
+            "deep-screen-space surfel radiance",
+            radiance_bytes(cloud),
+            BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
+        )
+    }
+
+    /// Records the lighting of a cloud, after the recording that makes it and before those that splat it.
+    ///
+    /// # Errors
+    /// What [`SurfelShaderSettings::validate`], [`Light::validate`] and [`ShadowMap::validate`] find;
+    /// [`Error::Buffer`] for materials or radiance that are too small, lack a usage or are the same buffer as another
+    /// one, [`Error::Limit`] for more materials than the device can bind. All before anything is recorded.
+    pub fn record(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        input: &SurfelShaderInput<'_>,
+        settings: &SurfelShaderSettings,
+    ) -> Result<(), Error> {
+        settings.validate()?;
+        check_timestamps(input.timestamps)?;
+        for ShadedLight { light, shadow } in input.lights {
+            light.validate()?;
+            if let Shadow::Map(map) = shadow {
+                map.validate()?;
+            }
+        }
+        check_buffers(device, input)?;
+
+        // The emission is written by the first dispatch: without a light that shines, by one without any.
+        let mut lights: Vec<Option<&ShadedLight<'_>>> = input
+            .lights
+            .iter()
+            .filter(|shaded| shaded.light.shines())
+            .map(Some)
+            .collect();
+        if lights.is_empty() {
+            lights.push(None);
+        }
+        let mut pass = compute_pass(encoder, LABEL, input.timestamps);
+        for (index, shaded) in lights.into_iter().enumerate() {
+            self.dispatch(
+                device,
+                &mut pass,
+                input,
+                settings.samples,
+                shaded,
+                index == 0,
+            );
+        }
+        Ok(())
+    }
+
+    /// One light.
+    fn dispatch(
+        &self,
+        device: &Device,
+        pass: &mut wgpu::ComputePass<'_>,
+        input: &SurfelShaderInput<'_>,
+        samples: u32,
+        shaded: Option<&ShadedLight<'_>>,
+        first: bool,
+    ) {
+        let cloud = input.cloud;
+        let light = shaded.map(|s| &s.light);
+        // Other placements leave a surfel without a triangle of its own.
+        let samples = if light.is_some() && cloud.placement == Placement::Centroid {
+            samples
+        } else {
+            1
+        };
+        let params = uniform(
+            device,
+            LABEL,
+            &SurfelShaderParams::new(light, cloud.origin, first, samples),
+        );
+        let mut resources = vec![
+            (0, whole(&params)),
+            (1, whole(&cloud.surfels)),
+            (2, whole(&cloud.sources)),
+            (3, whole(&cloud.counters)),
+            (4, whole(input.materials)),
+            (
+                5,
+                BindingResource::Buffer(BufferBinding {
+                    buffer: input.radiance,
+                    offset: 0,
+                    size: std::num::NonZeroU64::new(radiance_bytes(cloud)),
+                }),
+            ),
+        ];
+        if samples > 1 {
+            resources.push((6, whole(&cloud.pieces)));
+        }
+        let shadow;
+        let kernels = match shaded.map(|s| &s.shadow) {
+            Some(Shadow::Map(map)) => {
+                shadow = uniform(device, LABEL, &ShadowParams::new(map, cloud.origin));
+                resources.extend([(7, whole(&shadow)), (8, view(map.depth))]);
+                &self.mapped
+            }
+            Some(Shadow::None) | None => &self.plain,
+        };
+        let kernel = &kernels[usize::from(samples > 1)];
+        let group = binding::group(device, LABEL, &kernel.layout, &resources);
+        pass.set_pipeline(&kernel.pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        // As many workgroups as wrote the surfels: none for a cloud that holds none.
+        pass.dispatch_workgroups_indirect(&cloud.emission, 0);
+    }
+}
+
+impl ShadeKernel {
+    fn new(
+        device: &Device,
+        variant: ShadeVariant,
+        cache: Option<&PipelineCache>,
+    ) -> Result<Self, Error> {
+        let mut entries: Vec<(u32, BindingType)> = vec![
+            (0, UNIFORM),
+            (1, READ),
+            (2, READ),
+            (3, READ),
+            (4, READ),
+            (5, WRITE),
+        ];
+        entries.extend(variant.samples.then_some((6, READ)));
+        if variant.shadow_map {
+            entries.extend([(7, UNIFORM), (8, FLOAT_ARRAY)]);
+        }
+        let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
+        let pipeline = Kernel {
+            label: LABEL,
+            module: &shader::create(device, LABEL, source(variant)?),
+            entry: "shade",
+            layouts: &[&layout],
+            constants: &[],
+            cache,
+        }
+        .create(device);
+        Ok(Self { layout, pipeline })
+    }
+}
+
+/// What a module is assembled for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ShadeVariant {
+    pub shadow_map: bool,
+    pub samples: bool,
+}
+
+/// Assembles one of them.
+pub(crate) fn source(variant: ShadeVariant) -> Result<String, Error> {
+    let mut flags = Vec::new();
+    flags.extend(variant.shadow_map.then_some("SHADOW_MAP"));
+    flags.extend(variant.samples.then_some("SAMPLES"));
+    shader::assemble("surfel_shader", SOURCE, &flags, &[])
+}
+
+/// Bytes of radiance for all surfels that a cloud can hold.
+pub(crate) fn radiance_bytes(cloud: &SurfelCloud) -> u64 {
+    u64::from(cloud.capacity.surfels) * size_of::<SurfelRadiance>() as u64
+}
+
+fn check_buffers(device: &Device, input: &SurfelShaderInput<'_>) -> Result<(), Error> {
+    const MATERIALS: &str = "SurfelShaderInput::materials";
+    const RADIANCE: &str = "SurfelShaderInput::radiance";
+    let cloud = input.cloud;
+    check_usage(MATERIALS, input.materials)?;
+    check_size(MATERIALS, input.materials, size_of::<Material>() as u64)?;
+    check_limit(
+        "max_storage_buffer_binding_size",
+        device.limits().max_storage_buffer_binding_size,
+        input.materials.size(),
+        MATERIALS,
+    )?;
+    check_usage(RADIANCE, input.radiance)?;
+    check_size(RADIANCE, input.radiance, radiance_bytes(cloud))?;
+    // A kernel cannot read what it writes.
+    let read = [
+        input.materials,
+        &cloud.surfels,
+        &cloud.sources,
+        &cloud.counters,
+        &cloud.pieces,
+    ];
+    if read.contains(&input.radiance) {
+        return Err(Error::Buffer {
+            name: RADIANCE,
+            found: "a buffer that is read".into(),
+            needed: "a buffer of its own".into(),
+        });
+    }
+    Ok(())
+}

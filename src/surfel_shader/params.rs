@@ -1,0 +1,99 @@
+//! What the GPU reads: `Params` and `Shadow` of `wgsl/surfel_shader.wgsl`.
+
+use bytemuck::{Pod, Zeroable};
+use glam::{DMat4, DVec3};
+
+use super::{MAX_SHADOW_CAMERAS, ShadowMap};
+use crate::{
+    camera::Camera,
+    gbuffer::depth_step,
+    light::{Light, LightParams},
+};
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct SurfelShaderParams {
+    pub(crate) light: LightParams,
+    pub(crate) first: u32,
+    pub(crate) splits: u32,
+    pub(crate) padding: [u32; 2],
+}
+
+impl SurfelShaderParams {
+    /// Without a light, surfels are given their emission alone. `samples` is a power of two.
+    pub fn new(light: Option<&Light>, origin: DVec3, first: bool, samples: u32) -> Self {
+        Self {
+            light: light.map_or_else(LightParams::default, |l| LightParams::new(l, origin)),
+            first: u32::from(first),
+            splits: samples.trailing_zeros(),
+            padding: [0; 2],
+        }
+    }
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct ShadowCameraParams {
+    pub(crate) clip: [[f32; 4]; 4],
+    pub(crate) eye: [f32; 3],
+    pub(crate) far_depth: f32,
+    pub(crate) viewport: [f32; 4],
+    pub(crate) texel: f32,
+    pub(crate) padding: [f32; 3],
+}
+
+impl ShadowCameraParams {
+    fn new(camera: &Camera, origin: DVec3) -> Self {
+        let viewport = camera.viewport();
+        Self {
+            clip: clip(camera).as_mat4().to_cols_array_2d(),
+            eye: (camera.eye() - origin).as_vec3().to_array(),
+            far_depth: camera.background_depth(),
+            viewport: [viewport.x, viewport.y, viewport.width, viewport.height].map(|n| n as f32),
+            texel: texel(camera) as f32,
+            padding: [0.0; 3],
+        }
+    }
+}
+
+/// From world axes about a camera's eye to its clip space.
+pub(crate) fn clip(camera: &Camera) -> DMat4 {
+    camera.projection() * DMat4::from_mat3(camera.rotation())
+}
+
+/// Side of a texel, the longer one, in world units for each unit of the clip space's w.
+pub(crate) fn texel(camera: &Camera) -> f64 {
+    let side = |row: usize, texels: u32| {
+        2.0 / (camera.projection().row(row).truncate().truncate().length() * f64::from(texels))
+    };
+    let viewport = camera.viewport();
+    side(0, viewport.width).max(side(1, viewport.height))
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct ShadowParams {
+    pub(crate) cameras: [ShadowCameraParams; MAX_SHADOW_CAMERAS],
+    pub(crate) count: u32,
+    pub(crate) bias: f32,
+    pub(crate) depth_step: f32,
+    pub(crate) padding: f32,
+}
+
+impl ShadowParams {
+    /// In the eye space of `origin`.
+    pub fn new(map: &ShadowMap<'_>, origin: DVec3) -> Self {
+        let mut cameras = [ShadowCameraParams::default(); MAX_SHADOW_CAMERAS];
+        for (to, camera) in cameras.iter_mut().zip(map.cameras) {
+            *to = ShadowCameraParams::new(camera, origin);
+        }
+        Self {
+            cameras,
+            count: map.cameras.len() as u32,
+            bias: map.bias,
+            // The stored depth was rounded, and so was the vertices' interpolation before it.
+            depth_step: 2.0 * depth_step(map.depth.texture().format()),
+            padding: 0.0,
+        }
+    }
+}

@@ -1,0 +1,6 @@
+// What a surface sends (src/geometry.rs).
+struct Material {
+  albedo: vec3f,
+  // Radiosity.
+  emission: vec3f,
+}

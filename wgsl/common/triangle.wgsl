@@ -1,0 +1,63 @@
+// Triangles and their longest-edge bisection, whose leaves are the surfels' own triangles.
+
+struct Triangle {
+  a: vec3f,
+  b: vec3f,
+  c: vec3f,
+}
+
+fn centroid(t: Triangle) -> vec3f {
+  return (t.a + t.b + t.c) * (1.0 / 3.0);
+}
+
+fn length2(v: vec3f) -> f32 {
+  return dot(v, v);
+}
+
+// Which edge is the longest: 0 for ab, 1 for bc, 2 for ca. Near ties go to the first, so that symmetric triangles
+// split alike whatever the rounding.
+fn longest_edge(t: Triangle) -> u32 {
+  let ab = length2(t.b - t.a);
+  let bc = length2(t.c - t.b);
+  let ca = length2(t.a - t.c);
+  var longest = 0u;
+  var best = ab;
+  if bc > best * 1.001 {
+    longest = 1u;
+    best = bc;
+  }
+  if ca > best * 1.001 {
+    longest = 2u;
+  }
+  return longest;
+}
+
+// One half of a triangle cut at the middle of its longest edge; both keep the winding.
+fn bisect(t: Triangle, side: u32) -> Triangle {
+  var first: Triangle;
+  switch longest_edge(t) {
+    case 0u: {
+      first = t;
+    }
+    case 1u: {
+      first = Triangle(t.b, t.c, t.a);
+    }
+    default: {
+      first = Triangle(t.c, t.a, t.b);
+    }
+  }
+  let middle = (first.a + first.b) * 0.5;
+  if side == 0u {
+    return Triangle(first.a, middle, first.c);
+  }
+  return Triangle(middle, first.b, first.c);
+}
+
+// A leaf of a triangle's bisection tree of depth `order`: the last `order` bits are the sides taken, first split first.
+fn leaf_of(triangle: Triangle, leaf: u32, order: u32) -> Triangle {
+  var node = triangle;
+  for (var depth = 0u; depth < order; depth++) {
+    node = bisect(node, (leaf >> (order - 1u - depth)) & 1u);
+  }
+  return node;
+}

@@ -1,0 +1,158 @@
+// SurfelShader: what each surfel sends from its front and its back, of the light that reaches it straight from a light.
+//
+//   shade   a thread a surfel, a dispatch a light: the first starts from the surface's own emission, the others add to
+//           what is there
+//
+// Surfaces are Lambertian and two-sided. A light is on one side of a surfel's plane, and lights that side alone.
+//
+// Variants: SHADOW_MAP looks shadows up in the caller's depth maps; SAMPLES lights a surfel at several points of its own
+// triangle, so that the edge of a shadow that crosses it is averaged.
+
+#import math
+#import packing
+#import dispatch
+#import surfel
+#import light
+#import material
+#if SAMPLES
+#import triangle
+#endif
+
+alias Counter = u32;
+
+struct Params {
+  light: Light,
+  // 1 in the first dispatch of a recording.
+  first: u32,
+  // A surfel's triangle is bisected so often: 2^splits points.
+  splits: u32,
+  padding0: u32,
+  padding1: u32,
+}
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> surfels: array<vec4f>;
+@group(0) @binding(2) var<storage, read> sources: array<SurfelSource>;
+@group(0) @binding(3) var<storage, read> counters: Counters;
+@group(0) @binding(4) var<storage, read> materials: array<Material>;
+@group(0) @binding(5) var<storage, read_write> radiance: array<SurfelRadiance>;
+#if SAMPLES
+@group(0) @binding(6) var<storage, read> pieces: array<Piece>;
+#endif
+
+// The brightest that is stored, and what a material may say.
+const BRIGHTEST: f32 = 1e18;
+
+// A material's colour; what is negative or not finite counts as black.
+fn sound(color: vec3f) -> vec3f {
+  let finite = vec3<bool>(is_finite(color.x), is_finite(color.y), is_finite(color.z));
+  return select(vec3f(0.0), clamp(color, vec3f(0.0), vec3f(BRIGHTEST)), finite);
+}
+
+// Share of a light that arrives at a point of a surface, 0 to 1; `side` is the normal on the side of the light.
+#if SHADOW_MAP
+struct ShadowCamera {
+  // From a position relative to the camera's eye.
+  clip: mat4x4f,
+  eye: vec3f,
+  // The depth of the background, 0 or 1.
+  far_depth: f32,
+  // x, y, width, height in texels.
+  viewport: vec4f,
+  // Side of a texel, world units for each unit of the clip space's w.
+  texel: f32,
+  padding0: f32,
+  padding1: f32,
+  padding2: f32,
+}
+
+struct Shadow {
+  cameras: array<ShadowCamera, 6>,
+  count: u32,
+  // How far a point is moved off its surface, in texels.
+  bias: f32,
+  // How far a stored depth may lie from the true one.
+  depth_step: f32,
+  padding: f32,
+}
+
+@group(0) @binding(7) var<uniform> shadow: Shadow;
+@group(0) @binding(8) var depth_map: texture_2d_array<f32>;
+
+// A share of w: two maps that meet share their edge, whatever the rounding.
+const SEAM: f32 = 1e-5;
+
+fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {
+  for (var layer = 0u; layer < shadow.count; layer++) {
+    let camera = shadow.cameras[layer];
+    let relative = point - camera.eye;
+    let w = (camera.clip * vec4f(relative, 1.0)).w;
+    if w <= 0.0 {
+      continue;
+    }
+    let p = camera.clip * vec4f(relative + side * (shadow.bias * camera.texel * w), 1.0);
+    let bound = p.w * (1.0 + SEAM);
+    if p.w <= 0.0 || abs(p.x) > bound || abs(p.y) > bound || p.z < 0.0 || p.z > p.w {
+      continue;
+    }
+    let uv = clamp(p.xy / p.w * vec2f(0.5, -0.5) + 0.5, vec2f(0.0), vec2f(1.0));
+    let texel = min(floor(uv * camera.viewport.zw), camera.viewport.zw - 1.0);
+    let nearest = textureLoad(depth_map, vec2u(camera.viewport.xy + texel), layer, 0).x;
+    let depth = p.z / p.w;
+    let nearer = select((nearest < depth - shadow.depth_step), (nearest > depth + shadow.depth_step), camera.far_depth == 0.0);
+    return select(1.0, 0.0, nearer);
+  }
+  // No map knows of it.
+  return 1.0;
+}
+#else
+fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {
+  return 1.0;
+}
+#endif
+
+@compute @workgroup_size(64)
+fn shade(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) thread: u32) {
+  let i = linear_workgroup(workgroup) * 64u + thread;
+  if i >= counters.stored {
+    return;
+  }
+  let source = sources[i];
+  let material = materials[min(source.material, arrayLength(&materials) - 1u)];
+  var front = vec3f(0.0);
+  var back = vec3f(0.0);
+  if params.first != 0u {
+    front = sound(material.emission) / PI;
+  } else {
+    front = radiance[i].front;
+    back = radiance[i].back;
+  }
+
+  if params.light.kind != NO_LIGHT {
+    let normal = unpack_normal(source.normal);
+    var point = surfels[i].xyz;
+    var to_front = vec3f(0.0);
+    var to_back = vec3f(0.0);
+#if SAMPLES
+    let piece = pieces[source.piece];
+    // A small piece has order 0: it is its own leaf.
+    let leaf = leaf_of(Triangle(piece.a, piece.b, piece.c), source.leaf, piece.shape & SHAPE_ORDER);
+    for (var k = 0u; k < (1u << params.splits); k++) {
+      point = centroid(leaf_of(leaf, k, params.splits));
+#endif
+      let arrival = light_at(params.light, point);
+      let cosine = dot(normal, arrival.to_light);
+      if cosine > 0.0 {
+        to_front += arrival.irradiance * cosine * lit(point, normal, arrival);
+      } else if cosine < 0.0 {
+        to_back -= arrival.irradiance * cosine * lit(point, -normal, arrival);
+      }
+#if SAMPLES
+    }
+#endif
+    let share = sound(material.albedo) / (PI * f32(1u << params.splits));
+    front = min(front + share * to_front, vec3f(BRIGHTEST));
+    back = min(back + share * to_back, vec3f(BRIGHTEST));
+  }
+  radiance[i] = SurfelRadiance(front, 0.0, back, 0.0);
+}
