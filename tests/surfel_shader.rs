@@ -885,6 +885,31 @@ fn maps_meet_without_seams() {
         }
     }
 
+    // Nor do they let light out of a closed box: what lies between two maps would count as lit.
+    let outer = room(2.0).positions;
+    let closed = quads(
+        &outer
+            .iter()
+            .chain(&room(0.5).positions)
+            .map(|p| color(*p))
+            .collect::<Vec<_>>()
+            .as_chunks::<4>()
+            .0
+            .to_vec(),
+    );
+    for eye in [DVec3::ZERO, DVec3::new(0.1, -0.3, 0.2)] {
+        let cameras = cube(eye, 64, 0.01);
+        let format = wgpu::TextureFormat::Depth32Float;
+        let map = DepthMap::draw(&lab.gpu, &closed, &cameras, 64, format);
+        let shaded = ShadedLight {
+            light: point(eye, [1.0; 3]),
+            shadow: Shadow::Map(ShadowMap::new(&map.view, &cameras)),
+        };
+        let found = lab.shade(&lit, &grey, &[shaded], 4);
+        let lit = found.iter().filter(|r| r.front != [0.0; 3]).count();
+        assert_eq!(lit, 0, "{eye}: {lit} of {}", found.len());
+    }
+
     // A near plane beyond the walls.
     let blind = [Camera::look_at(
         DVec3::ZERO,
@@ -1043,6 +1068,12 @@ fn extremes_stay_finite() {
         point(at, [1e18; 3]),
         point(at + DVec3::Y * 1e-12, [1e18; 3]),
         point(at + DVec3::Y * 1e-30, [1e18; 3]),
+        // The first that f32 can tell from the surfel's own place.
+        point(at + DVec3::Y * 1e-6, [1e18; 3]),
+        Light::Directional {
+            direction: DVec3::NEG_Y,
+            irradiance: [1e18; 3],
+        },
         point(DVec3::splat(1e300), [1e18; 3]),
         point(DVec3::Y * 1e15, [1e18; 3]),
         point(at, [0.0; 3]),
@@ -1074,9 +1105,10 @@ fn extremes_stay_finite() {
         }
     }
     // An index beyond the table takes the last material, and odd components count as black.
-    let found = lab.shade(&lit, &[material(odd, [f32::NAN, -1.0, 7.0])], &[], 1);
-    for found in found {
-        assert_eq!((found.front[0], found.front[1]), (0.0, 0.0), "{found:?}");
+    for odd in odd {
+        let found = lab.shade(&lit, &[material([odd; 3], [odd, 0.0, 7.0])], &[], 1);
+        let found = found[0];
+        assert_eq!(found.front[0], 0.0, "{odd}: {found:?}");
         assert!(
             (f64::from(found.front[2]) - 7.0 / PI).abs() < 1e-6,
             "{found:?}"

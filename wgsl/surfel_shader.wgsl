@@ -82,25 +82,37 @@ struct Shadow {
 // A share of w: two maps that meet share their edge, whatever the rounding.
 const SEAM: f32 = 1e-5;
 
+fn clip_of(camera: ShadowCamera, point: vec3f) -> vec4f {
+  return camera.clip * vec4f(point - camera.eye, 1.0);
+}
+
+fn is_inside(clip: vec4f) -> bool {
+  let bound = clip.w * (1.0 + SEAM);
+  return clip.w > 0.0 && abs(clip.x) <= bound && abs(clip.y) <= bound && clip.z >= 0.0 && clip.z <= clip.w;
+}
+
 fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {
+  var moved = point;
+  for (var layer = 0u; layer < shadow.count; layer++) {
+    let clip = clip_of(shadow.cameras[layer], point);
+    if is_inside(clip) {
+      moved = point + side * (shadow.bias * shadow.cameras[layer].texel * clip.w);
+      break;
+    }
+  }
+  // Moved by the same way for all maps: between two of them it could else be in neither.
   for (var layer = 0u; layer < shadow.count; layer++) {
     let camera = shadow.cameras[layer];
-    let relative = point - camera.eye;
-    let w = (camera.clip * vec4f(relative, 1.0)).w;
-    if w <= 0.0 {
-      continue;
+    let clip = clip_of(camera, moved);
+    if is_inside(clip) {
+      let uv = clamp(clip.xy / clip.w * vec2f(0.5, -0.5) + 0.5, vec2f(0.0), vec2f(1.0));
+      let texel = min(floor(uv * camera.viewport.zw), camera.viewport.zw - 1.0);
+      let nearest = textureLoad(depth_map, vec2u(camera.viewport.xy + texel), layer, 0).x;
+      let depth = clip.z / clip.w;
+      let forward = nearest < depth - shadow.depth_step;
+      let reversed = nearest > depth + shadow.depth_step;
+      return select(1.0, 0.0, select(forward, reversed, camera.far_depth == 0.0));
     }
-    let p = camera.clip * vec4f(relative + side * (shadow.bias * camera.texel * w), 1.0);
-    let bound = p.w * (1.0 + SEAM);
-    if p.w <= 0.0 || abs(p.x) > bound || abs(p.y) > bound || p.z < 0.0 || p.z > p.w {
-      continue;
-    }
-    let uv = clamp(p.xy / p.w * vec2f(0.5, -0.5) + 0.5, vec2f(0.0), vec2f(1.0));
-    let texel = min(floor(uv * camera.viewport.zw), camera.viewport.zw - 1.0);
-    let nearest = textureLoad(depth_map, vec2u(camera.viewport.xy + texel), layer, 0).x;
-    let depth = p.z / p.w;
-    let nearer = select((nearest < depth - shadow.depth_step), (nearest > depth + shadow.depth_step), camera.far_depth == 0.0);
-    return select(1.0, 0.0, nearer);
   }
   // No map knows of it.
   return 1.0;

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use glam::DVec3;
+use glam::{DVec3, DVec4};
 
 use super::{
     light::{Arrival, arrival},
@@ -73,36 +73,49 @@ fn sound(color: [f32; 3]) -> DVec3 {
     DVec3::from(color.map(sound))
 }
 
+fn clip_of(camera: &Camera, point: DVec3) -> DVec4 {
+    clip(camera) * (point - camera.eye()).extend(1.0)
+}
+
+fn is_inside(clip: DVec4) -> bool {
+    let bound = clip.w * (1.0 + SEAM);
+    clip.w > 0.0
+        && clip.x.abs() <= bound
+        && clip.y.abs() <= bound
+        && clip.z >= 0.0
+        && clip.z <= clip.w
+}
+
 impl ShadowMap<'_> {
     /// Share of a light that arrives at a point of a surface; `side` is the normal on the side of the light.
     pub fn lit(&self, point: DVec3, side: DVec3) -> f64 {
+        let mut moved = point;
+        for camera in self.cameras {
+            let clip = clip_of(camera, point);
+            if is_inside(clip) {
+                moved = point + side * (self.bias * texel(camera) * clip.w);
+                break;
+            }
+        }
         for (camera, depth) in self.cameras.iter().zip(self.depth) {
-            let relative = point - camera.eye();
-            let clip = clip(camera);
-            let w = (clip * relative.extend(1.0)).w;
-            if w <= 0.0 {
-                continue;
+            let clip = clip_of(camera, moved);
+            if is_inside(clip) {
+                let viewport = camera.viewport();
+                let at = |ndc: f64, from: u32, texels: u32| {
+                    let texel = ((ndc * 0.5 + 0.5).clamp(0.0, 1.0) * f64::from(texels)) as u32;
+                    from + texel.min(texels - 1)
+                };
+                let x = at(clip.x / clip.w, viewport.x, viewport.width);
+                let y = at(-clip.y / clip.w, viewport.y, viewport.height);
+                let nearest = f64::from(depth[(y * self.width + x) as usize]);
+                let depth = clip.z / clip.w;
+                let nearer = if camera.background_depth() == 0.0 {
+                    nearest > depth + self.depth_step
+                } else {
+                    nearest < depth - self.depth_step
+                };
+                return if nearer { 0.0 } else { 1.0 };
             }
-            let p = clip * (relative + side * (self.bias * texel(camera) * w)).extend(1.0);
-            let bound = p.w * (1.0 + SEAM);
-            if p.w <= 0.0 || p.x.abs() > bound || p.y.abs() > bound || p.z < 0.0 || p.z > p.w {
-                continue;
-            }
-            let viewport = camera.viewport();
-            let at = |ndc: f64, from: u32, texels: u32| {
-                let texel = ((ndc * 0.5 + 0.5).clamp(0.0, 1.0) * f64::from(texels)) as u32;
-                from + texel.min(texels - 1)
-            };
-            let x = at(p.x / p.w, viewport.x, viewport.width);
-            let y = at(-p.y / p.w, viewport.y, viewport.height);
-            let nearest = f64::from(depth[(y * self.width + x) as usize]);
-            let depth = p.z / p.w;
-            let nearer = if camera.background_depth() == 0.0 {
-                nearest > depth + self.depth_step
-            } else {
-                nearest < depth - self.depth_step
-            };
-            return if nearer { 0.0 } else { 1.0 };
         }
         1.0
     }
