@@ -8,7 +8,8 @@ mod support;
 use deep_screen_space::{
     AmbientOcclusion, CloudCapacity, ClusterInput, Error, Geometry, Reconstructor,
     ReconstructorInput, ReconstructorSettings, ShellSplatter, ShellSplatterDescriptor, SplatInput,
-    SplatSettings, Surfelizer, SurfelizerInput, SurfelizerSettings, Timestamps, scenes, wgpu,
+    SplatSettings, SurfelShader, SurfelShaderInput, SurfelShaderSettings, Surfelizer,
+    SurfelizerInput, SurfelizerSettings, Timestamps, scenes, wgpu,
 };
 use shot::{Shot, camera_of};
 use support::gpu::{Ask, Gpu};
@@ -27,7 +28,7 @@ fn recordings_write_their_times() {
     let set = device.create_query_set(&wgpu::QuerySetDescriptor {
         label: None,
         ty: wgpu::QueryType::Timestamp,
-        count: 8,
+        count: 10,
     });
     let stamps = |begin| {
         Some(Timestamps {
@@ -51,6 +52,7 @@ fn recordings_write_their_times() {
         },
     )
     .expect("pipelines");
+    let shader = SurfelShader::new(device, None).expect("pipelines");
     let format = wgpu::TextureFormat::R32Float;
     let reconstructor = Reconstructor::new(device, &effect, format, None).expect("pipelines");
     let capacity = CloudCapacity {
@@ -98,6 +100,23 @@ fn recordings_write_their_times() {
         })
     ));
     surfelize(&mut encoder, stamps(0)).expect("surfels");
+    let materials = gpu.buffer(&scene.material_table(), wgpu::BufferUsages::STORAGE);
+    let radiance = shader.create_radiance(device, &cloud).expect("room");
+    let input = SurfelShaderInput {
+        cloud: &cloud,
+        materials: &materials,
+        lights: &[],
+        radiance: &radiance,
+        timestamps: stamps(8),
+    };
+    shader
+        .record(
+            device,
+            &mut encoder,
+            &input,
+            &SurfelShaderSettings::default(),
+        )
+        .expect("light");
     let input = ClusterInput {
         cloud: &cloud,
         materials: None,
@@ -137,11 +156,11 @@ fn recordings_write_their_times() {
         .expect("a picture");
     let resolved = device.create_buffer(&wgpu::BufferDescriptor {
         label: None,
-        size: 64,
+        size: 80,
         usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
         mapped_at_creation: false,
     });
-    encoder.resolve_query_set(&set, 0..8, &resolved, 0);
+    encoder.resolve_query_set(&set, 0..10, &resolved, 0);
     gpu.finish(encoder);
     let times: Vec<u64> = gpu.read_buffer(&resolved);
     println!("{times:?}");

@@ -82,40 +82,41 @@ struct Shadow {
 // A share of w: two maps that meet share their edge, whatever the rounding.
 const SEAM: f32 = 1e-5;
 
-fn clip_of(camera: ShadowCamera, point: vec3f) -> vec4f {
-  return camera.clip * vec4f(point - camera.eye, 1.0);
+// A point in the clip space of the first map that knows of it; `layer` is `shadow.count` where none does.
+struct Seen {
+  layer: u32,
+  clip: vec4f,
 }
 
-fn is_inside(clip: vec4f) -> bool {
-  let bound = clip.w * (1.0 + SEAM);
-  return clip.w > 0.0 && abs(clip.x) <= bound && abs(clip.y) <= bound && clip.z >= 0.0 && clip.z <= clip.w;
+fn first_map(point: vec3f) -> Seen {
+  for (var layer = 0u; layer < shadow.count; layer++) {
+    let clip = shadow.cameras[layer].clip * vec4f(point - shadow.cameras[layer].eye, 1.0);
+    let bound = clip.w * (1.0 + SEAM);
+    if clip.w > 0.0 && all(abs(clip.xy) <= vec2f(bound)) && clip.z >= 0.0 && clip.z <= clip.w {
+      return Seen(layer, clip);
+    }
+  }
+  return Seen(shadow.count, vec4f(0.0));
 }
 
 fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {
-  var moved = point;
-  for (var layer = 0u; layer < shadow.count; layer++) {
-    let clip = clip_of(shadow.cameras[layer], point);
-    if is_inside(clip) {
-      moved = point + side * (shadow.bias * shadow.cameras[layer].texel * clip.w);
-      break;
-    }
+  let own = first_map(point);
+  if own.layer == shadow.count {
+    return 1.0;
   }
   // Moved by the same way for all maps: between two of them it could else be in neither.
-  for (var layer = 0u; layer < shadow.count; layer++) {
-    let camera = shadow.cameras[layer];
-    let clip = clip_of(camera, moved);
-    if is_inside(clip) {
-      let uv = clamp(clip.xy / clip.w * vec2f(0.5, -0.5) + 0.5, vec2f(0.0), vec2f(1.0));
-      let texel = min(floor(uv * camera.viewport.zw), camera.viewport.zw - 1.0);
-      let nearest = textureLoad(depth_map, vec2u(camera.viewport.xy + texel), layer, 0).x;
-      let depth = clip.z / clip.w;
-      let forward = nearest < depth - shadow.depth_step;
-      let reversed = nearest > depth + shadow.depth_step;
-      return select(1.0, 0.0, select(forward, reversed, camera.far_depth == 0.0));
-    }
+  let seen = first_map(point + side * (shadow.bias * shadow.cameras[own.layer].texel * own.clip.w));
+  if seen.layer == shadow.count {
+    return 1.0;
   }
-  // No map knows of it.
-  return 1.0;
+  let ndc = seen.clip.xyz / seen.clip.w;
+  let uv = clamp(ndc.xy * vec2f(0.5, -0.5) + 0.5, vec2f(0.0), vec2f(1.0));
+  let viewport = shadow.cameras[seen.layer].viewport;
+  let texel = min(floor(uv * viewport.zw), viewport.zw - 1.0);
+  let nearest = textureLoad(depth_map, vec2u(viewport.xy + texel), seen.layer, 0).x;
+  let forward = nearest < ndc.z - shadow.depth_step;
+  let reversed = nearest > ndc.z + shadow.depth_step;
+  return select(1.0, 0.0, select(forward, reversed, shadow.cameras[seen.layer].far_depth == 0.0));
 }
 #else
 fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {
@@ -154,10 +155,12 @@ fn shade(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_inde
 #endif
       let arrival = light_at(params.light, point);
       let cosine = dot(normal, arrival.to_light);
-      if cosine > 0.0 {
-        to_front += arrival.irradiance * cosine * lit(point, normal, arrival);
-      } else if cosine < 0.0 {
-        to_back -= arrival.irradiance * cosine * lit(point, -normal, arrival);
+      if cosine != 0.0 {
+        let is_front = cosine > 0.0;
+        let side = select(-normal, normal, is_front);
+        let irradiance = arrival.irradiance * (abs(cosine) * lit(point, side, arrival));
+        to_front += select(vec3f(0.0), irradiance, is_front);
+        to_back += select(irradiance, vec3f(0.0), is_front);
       }
 #if SAMPLES
     }

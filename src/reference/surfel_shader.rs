@@ -73,51 +73,45 @@ fn sound(color: [f32; 3]) -> DVec3 {
     DVec3::from(color.map(sound))
 }
 
-fn clip_of(camera: &Camera, point: DVec3) -> DVec4 {
-    clip(camera) * (point - camera.eye()).extend(1.0)
-}
-
-fn is_inside(clip: DVec4) -> bool {
-    let bound = clip.w * (1.0 + SEAM);
-    clip.w > 0.0
-        && clip.x.abs() <= bound
-        && clip.y.abs() <= bound
-        && clip.z >= 0.0
-        && clip.z <= clip.w
-}
-
 impl ShadowMap<'_> {
+    /// A point in the clip space of the first map that knows of it.
+    fn first_map(&self, point: DVec3) -> Option<(usize, DVec4)> {
+        self.cameras.iter().enumerate().find_map(|(layer, camera)| {
+            let clip = clip(camera) * (point - camera.eye()).extend(1.0);
+            let bound = clip.w * (1.0 + SEAM);
+            let inside = clip.w > 0.0
+                && clip.x.abs() <= bound
+                && clip.y.abs() <= bound
+                && (0.0..=clip.w).contains(&clip.z);
+            inside.then_some((layer, clip))
+        })
+    }
+
     /// Share of a light that arrives at a point of a surface; `side` is the normal on the side of the light.
     pub fn lit(&self, point: DVec3, side: DVec3) -> f64 {
-        let mut moved = point;
-        for camera in self.cameras {
-            let clip = clip_of(camera, point);
-            if is_inside(clip) {
-                moved = point + side * (self.bias * texel(camera) * clip.w);
-                break;
-            }
-        }
-        for (camera, depth) in self.cameras.iter().zip(self.depth) {
-            let clip = clip_of(camera, moved);
-            if is_inside(clip) {
-                let viewport = camera.viewport();
-                let at = |ndc: f64, from: u32, texels: u32| {
-                    let texel = ((ndc * 0.5 + 0.5).clamp(0.0, 1.0) * f64::from(texels)) as u32;
-                    from + texel.min(texels - 1)
-                };
-                let x = at(clip.x / clip.w, viewport.x, viewport.width);
-                let y = at(-clip.y / clip.w, viewport.y, viewport.height);
-                let nearest = f64::from(depth[(y * self.width + x) as usize]);
-                let depth = clip.z / clip.w;
-                let nearer = if camera.background_depth() == 0.0 {
-                    nearest > depth + self.depth_step
-                } else {
-                    nearest < depth - self.depth_step
-                };
-                return if nearer { 0.0 } else { 1.0 };
-            }
-        }
-        1.0
+        let Some((layer, own)) = self.first_map(point) else {
+            return 1.0;
+        };
+        let moved = point + side * (self.bias * texel(&self.cameras[layer]) * own.w);
+        let Some((layer, seen)) = self.first_map(moved) else {
+            return 1.0;
+        };
+        let camera = &self.cameras[layer];
+        let viewport = camera.viewport();
+        let at = |ndc: f64, from: u32, texels: u32| {
+            let texel = ((ndc * 0.5 + 0.5).clamp(0.0, 1.0) * f64::from(texels)) as u32;
+            from + texel.min(texels - 1)
+        };
+        let ndc = seen.truncate() / seen.w;
+        let x = at(ndc.x, viewport.x, viewport.width);
+        let y = at(-ndc.y, viewport.y, viewport.height);
+        let nearest = f64::from(self.depth[layer][(y * self.width + x) as usize]);
+        let nearer = if camera.background_depth() == 0.0 {
+            nearest > ndc.z + self.depth_step
+        } else {
+            nearest < ndc.z - self.depth_step
+        };
+        if nearer { 0.0 } else { 1.0 }
     }
 }
 
