@@ -216,13 +216,13 @@ fn squares(list: &[(DVec3, f64)]) -> Scene {
 }
 
 /// The inside of a cube of half the side `half`.
-fn room(half: f64) -> Scene {
+fn room(half: f64) -> Vec<[DVec3; 4]> {
     let wall = |axis: DVec3| {
         let (u, v) = axis.any_orthonormal_pair();
         [-u - v, v - u, u + v, u - v].map(|across| (axis + across) * half)
     };
     let axes = DVec3::AXES.into_iter().flat_map(|axis| [axis, -axis]);
-    quads(&axes.map(wall).collect::<Vec<_>>())
+    axes.map(wall).collect()
 }
 
 fn above(height: f64) -> Camera {
@@ -861,7 +861,7 @@ fn shadow_maps_of_all_conventions() {
 #[test]
 fn maps_meet_without_seams() {
     let lab = Lab::new();
-    let scene = room(2.0);
+    let scene = quads(&room(2.0));
     let lit = lab.cloud(&scene, &above(1.0), &SurfelizerSettings::default());
     let grey = [material(ALBEDO, [0.0; 3])];
     for eye in [DVec3::ZERO, DVec3::new(0.3, -1.2, 0.9)] {
@@ -886,17 +886,7 @@ fn maps_meet_without_seams() {
     }
 
     // Nor do they let light out of a closed box: what lies between two maps would count as lit.
-    let outer = room(2.0).positions;
-    let closed = quads(
-        &outer
-            .iter()
-            .chain(&room(0.5).positions)
-            .map(|p| color(*p))
-            .collect::<Vec<_>>()
-            .as_chunks::<4>()
-            .0
-            .to_vec(),
-    );
+    let closed = quads(&[room(2.0), room(0.5)].concat());
     for eye in [DVec3::ZERO, DVec3::new(0.1, -0.3, 0.2)] {
         let cameras = cube(eye, 64, 0.01);
         let format = wgpu::TextureFormat::Depth32Float;
