@@ -10,6 +10,7 @@ use crate::{
     shaders,
     shell_splatter::params::SplatParams,
     surfelizer::params::{MeshParams, SurfelizerParams},
+    temporal_accumulator::params::TemporalParams,
 };
 
 /// Name and offset of each field of a Rust struct.
@@ -65,6 +66,7 @@ fn structs_match_the_shaders() {
         "receivers",
         "reconstructor smooth",
         "reconstructor",
+        "temporal_accumulator",
     ] {
         check(&ao, shader, "Camera", &camera, size_of::<CameraParams>());
     }
@@ -116,6 +118,17 @@ fn structs_match_the_shaders() {
             "Params",
             &reconstructor,
             size_of::<ReconstructorParams>(),
+        );
+    }
+    let temporal = fields!(TemporalParams: previous, project, viewport, motion_scale, max_frames, depth_tolerance,
+        normal_tolerance, deviations, still, forget);
+    for shader in ["temporal_accumulator", "temporal_accumulator show"] {
+        check(
+            &ao,
+            shader,
+            "Params",
+            &temporal,
+            size_of::<TemporalParams>(),
         );
     }
     check(

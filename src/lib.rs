@@ -98,6 +98,7 @@ mod shaders;
 mod shell_splatter;
 mod surfel;
 mod surfelizer;
+mod temporal_accumulator;
 
 pub use camera::{Camera, Footprint, Viewport};
 pub use effect::{Channels, Effect};
@@ -121,4 +122,7 @@ pub use surfel::{CloudCapacity, Piece, Surfel, SurfelCloud, SurfelCounts, Surfel
 pub use surfelizer::{
     Surfelizer, SurfelizerInput,
     settings::{Placement, Reach, SurfelizerSettings},
+};
+pub use temporal_accumulator::{
+    MotionVectors, TemporalAccumulator, TemporalHistory, TemporalInput, settings::TemporalSettings,
 };

@@ -17,6 +17,7 @@ const COMMON: &[(&str, &str)] = &[
     ("receiver", include_str!("../../wgsl/common/receiver.wgsl")),
     ("surfel", include_str!("../../wgsl/common/surfel.wgsl")),
     ("levels", include_str!("../../wgsl/common/levels.wgsl")),
+    ("screen", include_str!("../../wgsl/common/screen.wgsl")),
     (
         "effect_types",
         include_str!("../../wgsl/common/effect_types.wgsl"),

@@ -9,4 +9,5 @@ pub mod receivers;
 pub mod reconstructor;
 pub mod shell_splatter;
 pub mod surfelizer;
+pub mod temporal_accumulator;
 pub mod trace;
