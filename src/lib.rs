@@ -9,6 +9,9 @@
 //!   one of the caller's, in WGSL.
 //! * [`Reconstructor`]: the sums smoothed, added up and written into the caller's texture.
 //!
+//! A fourth is the caller's choice: [`TemporalAccumulator`], the mean of the picture over frames. Without it no state
+//! survives a frame.
+//!
 //! # Conventions
 //!
 //! * **Spaces.** The caller's world is in `f64` on the CPU ([`Camera`]). On the GPU all positions are in eye space: axes

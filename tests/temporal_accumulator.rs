@@ -1,4 +1,4 @@
-//! The TemporalAccumulator: GPU against the f64 mirror, and what must hold of any accumulation.
+//! The `TemporalAccumulator`: GPU against the f64 mirror, and what must hold of any accumulation.
 //!
 //! Scenes are a wall, a floor and a block, drawn on the CPU; pictures are functions of the surface's point, noise, or
 //! absent (NaN), which shows the reprojected history alone.
@@ -105,7 +105,7 @@ struct Shot {
 }
 
 impl Shot {
-    fn new(gpu: &Gpu, world: World, camera: Camera) -> Self {
+    fn new(gpu: &Gpu, world: World, camera: &Camera) -> Self {
         let viewport = camera.viewport();
         let background = camera.background_depth();
         let near = 1.0 - f64::from(background);
@@ -138,7 +138,7 @@ impl Shot {
             })
             .collect();
         let decoder = Decoder {
-            camera: &camera,
+            camera,
             origin: camera.eye(),
             depth_format: Format::R32Float,
             normal_encoding: NormalEncoding::Signed,
@@ -156,7 +156,7 @@ impl Shot {
             normal: placed(gpu, viewport, Format::Rgba32Float, &normals, [0.0; 4]),
             receivers,
             hits,
-            camera,
+            camera: *camera,
         }
     }
 
@@ -468,6 +468,9 @@ fn differences(found: &[Pixel], expected: &[Pixel]) -> (usize, f64) {
 
 #[test]
 fn histories_match_the_mirror() {
+    use Channels::{One, Three};
+    use Projection::{Forward, Orthographic, Reversed};
+
     let gpu = gpu();
     let full = Viewport::full;
     let moved = Viewport {
@@ -489,8 +492,6 @@ fn histories_match_the_mirror() {
         normal_tolerance: 0.99,
         ..TemporalSettings::default()
     };
-    use Channels::{One, Three};
-    use Projection::{Forward, Orthographic, Reversed};
     for (viewport, channels, projection, with_motion, settings, origin) in [
         (full(96, 64), One, Reversed, false, RUNNING, 0.0),
         (full(96, 64), One, Forward, false, tight, 0.0),
@@ -519,7 +520,7 @@ fn histories_match_the_mirror() {
             };
             let toward = DVec3::new(0.02 * t, -0.01 * t, -1.0);
             let eye = world.origin + EYE + t * DVec3::new(0.03, 0.02, -0.05);
-            let shot = Shot::new(&gpu, world, look(eye, toward, projection, viewport));
+            let shot = Shot::new(&gpu, world, &look(eye, toward, projection, viewport));
             let picture: Vec<DVec3> = (0..)
                 .zip(&shot.hits)
                 .map(|(i, hit)| {
@@ -608,13 +609,13 @@ fn a_still_picture_s_mean_is_the_arithmetic_mean() {
     let gpu = gpu();
     let viewport = Viewport::full(32, 24);
     let camera = straight(EYE, viewport);
-    let shot = Shot::new(&gpu, ROOM, camera);
+    let shot = Shot::new(&gpu, ROOM, &camera);
     let still = vec![DVec2::ZERO; shot.hits.len()];
-    for motion in [None, Some(still.as_slice())] {
+    for (motion, frames) in [(None, 256_u32), (Some(still.as_slice()), 16)] {
         let mut rig = Rig::new(&gpu, Channels::One, [32, 24], RUNNING);
         let mut sums = vec![0.0; shot.hits.len()];
         let mut errors = Vec::new();
-        for frame in 0..256_u32 {
+        for frame in 0..frames {
             let picture = shot.paint(|i, _| noise(i, frame));
             let found = rig.step(
                 &shot,
@@ -666,7 +667,7 @@ fn a_still_picture_s_mean_is_the_arithmetic_mean() {
 fn the_mean_forgets_what_is_older_than_its_frames() {
     let gpu = gpu();
     let viewport = Viewport::full(16, 12);
-    let shot = Shot::new(&gpu, ROOM, straight(EYE, viewport));
+    let shot = Shot::new(&gpu, ROOM, &straight(EYE, viewport));
     let settings = TemporalSettings {
         max_frames: 8,
         ..RUNNING
@@ -699,7 +700,7 @@ fn the_mean_forgets_what_is_older_than_its_frames() {
 fn a_reset_drops_everything() {
     let gpu = gpu();
     let viewport = Viewport::full(32, 24);
-    let shot = Shot::new(&gpu, ROOM, straight(EYE, viewport));
+    let shot = Shot::new(&gpu, ROOM, &straight(EYE, viewport));
     let mut rig = Rig::new(&gpu, Channels::Three, [32, 24], RUNNING);
     for frame in 0..6 {
         let picture = shot.paint(|i, _| noise(i, frame));
@@ -758,7 +759,7 @@ fn a_moving_camera_finds_the_history_of_each_point() {
                 Shot::new(
                     &gpu,
                     world,
-                    look(world.origin + eye, toward, projection, viewport),
+                    &look(world.origin + eye, toward, projection, viewport),
                 )
             };
             let first = shot(EYE, DVec3::new(0.0, 0.2, -1.0));
@@ -843,8 +844,8 @@ fn nothing_ghosts_where_a_block_was() {
         ..ROOM
     };
     let (first, second) = (
-        Shot::new(&gpu, before, camera),
-        Shot::new(&gpu, after, camera),
+        Shot::new(&gpu, before, &camera),
+        Shot::new(&gpu, after, &camera),
     );
     let paint = |shot: &Shot, frame| {
         shot.paint(|i, hit| match hit {
@@ -956,7 +957,7 @@ fn grazing_surfaces_keep_their_history() {
             Projection::Reversed,
             viewport,
         );
-        Shot::new(&gpu, ROOM, camera)
+        Shot::new(&gpu, ROOM, &camera)
     };
     // Two units in front of the wall's end of the floor, and a tenth above it.
     let (first, second) = (
@@ -1009,7 +1010,7 @@ fn one_frame_is_the_picture_bit_for_bit() {
         let mut rig = Rig::new(&gpu, channels, [33, 21], settings);
         for frame in 0..3 {
             let eye = EYE + f64::from(frame) * 0.01;
-            let shot = Shot::new(&gpu, ROOM, straight(eye, viewport));
+            let shot = Shot::new(&gpu, ROOM, &straight(eye, viewport));
             // All normal floats of either sign.
             let picture = shot.paint(|i, _| {
                 let bits = hashing::hash2(i, frame);
@@ -1035,7 +1036,7 @@ fn one_frame_is_the_picture_bit_for_bit() {
 fn what_is_not_finite_counts_as_absent() {
     let gpu = gpu();
     let viewport = Viewport::full(32, 24);
-    let shot = Shot::new(&gpu, ROOM, straight(EYE, viewport));
+    let shot = Shot::new(&gpu, ROOM, &straight(EYE, viewport));
     let bad = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
     for channels in [Channels::One, Channels::Three] {
         for clamping in [0.0, 1.0] {
@@ -1091,18 +1092,24 @@ fn what_is_not_finite_counts_as_absent() {
 fn the_sky_shows_this_frame_and_keeps_nothing() {
     let gpu = gpu();
     let viewport = Viewport::full(32, 24);
-    // The second looks up: what was wall becomes sky. Then back.
-    let down = Shot::new(&gpu, ROOM, straight(EYE, viewport));
+    // The second looks up, from aside: what was wall becomes sky. Then back.
+    let down = Shot::new(&gpu, ROOM, &straight(EYE, viewport));
     let camera = look(
-        EYE,
+        EYE + DVec3::X,
         DVec3::Y * 0.9 - DVec3::Z,
         Projection::Reversed,
         viewport,
     );
-    let up = Shot::new(&gpu, ROOM, camera);
+    let up = Shot::new(&gpu, ROOM, &camera);
+    // Nothing but the sky itself tells it from a surface.
+    let settings = TemporalSettings {
+        depth_tolerance: 1e30,
+        normal_tolerance: -1.0,
+        ..RUNNING
+    };
     // Vectors that say that nothing moved: the sky's would be found where the wall was.
     let still = vec![DVec2::ZERO; down.hits.len()];
-    let mut rig = Rig::new(&gpu, Channels::One, [32, 24], RUNNING);
+    let mut rig = Rig::new(&gpu, Channels::One, [32, 24], settings);
     let mut seen = 0;
     for (frame, shot) in [&down, &up, &up, &down].into_iter().enumerate() {
         let picture = shot.paint(|i, _| noise(i, frame as u32));
@@ -1130,12 +1137,48 @@ fn the_sky_shows_this_frame_and_keeps_nothing() {
     assert!(seen > 500, "{seen} pixels of sky");
 }
 
+/// What lay behind the last eye would be projected into its picture, upside down.
+#[test]
+fn what_was_behind_the_eye_has_no_history() {
+    let gpu = gpu();
+    let viewport = Viewport::full(32, 24);
+    // No distance and no normal stands in the way.
+    let settings = TemporalSettings {
+        depth_tolerance: 1e30,
+        normal_tolerance: -1.0,
+        ..RUNNING
+    };
+    let toward = |z: f64| {
+        let toward = DVec3::new(0.0, 0.1 * z, z);
+        Shot::new(
+            &gpu,
+            ROOM,
+            &look(EYE, toward, Projection::Reversed, viewport),
+        )
+    };
+    let (ahead, back) = (toward(-1.0), toward(1.0));
+    let mut rig = Rig::new(&gpu, Channels::One, [32, 24], settings);
+    for shot in [&ahead, &back] {
+        let picture = shot.paint(|i, _| noise(i, 0));
+        let found = rig.step(
+            shot,
+            Frame {
+                picture: &picture,
+                ..Frame::default()
+            },
+        );
+        let surfaces = found.iter().filter(|pixel| pixel.frames > 0.0);
+        assert!(surfaces.count() > 100);
+        assert!(found.iter().all(|pixel| pixel.frames <= 1.0));
+    }
+}
+
 #[test]
 fn vectors_that_lead_nowhere_drop_the_history() {
     let gpu = gpu();
     let size = [19, 13];
     let viewport = Viewport::full(size[0], size[1]);
-    let shot = Shot::new(&gpu, ROOM, straight(EYE, viewport));
+    let shot = Shot::new(&gpu, ROOM, &straight(EYE, viewport));
     let out = [
         f64::NAN,
         f64::INFINITY,
@@ -1151,6 +1194,7 @@ fn vectors_that_lead_nowhere_drop_the_history() {
         4.3e9,
         -4.3e9,
     ];
+    let mut rig = Rig::new(&gpu, Channels::One, size, RUNNING);
     for axis in 0..2 {
         for far in out {
             let motion: Vec<DVec2> = (0..shot.hits.len())
@@ -1160,13 +1204,13 @@ fn vectors_that_lead_nowhere_drop_the_history() {
                     v
                 })
                 .collect();
-            let mut rig = Rig::new(&gpu, Channels::One, size, RUNNING);
             let picture = shot.paint(|i, _| noise(i, 0));
             rig.step(
                 &shot,
                 Frame {
                     picture: &picture,
-                    ..Frame::default()
+                    motion: None,
+                    reset: true,
                 },
             );
             let picture = shot.paint(|i, _| noise(i, 1));
@@ -1191,7 +1235,7 @@ fn vectors_that_lead_nowhere_drop_the_history() {
 fn vectors_in_other_units_are_scaled() {
     let gpu = gpu();
     let viewport = Viewport::full(24, 16);
-    let shot = Shot::new(&gpu, ROOM, straight(EYE, viewport));
+    let shot = Shot::new(&gpu, ROOM, &straight(EYE, viewport));
     let picture = shot.paint(|i, _| noise(i, 0));
     // Two pixels to the right and one down since the last frame.
     let moved = DVec2::new(2.0, 1.0);
@@ -1278,7 +1322,9 @@ fn vectors_in_other_units_are_scaled() {
 fn extreme_values_stay_finite() {
     let gpu = gpu();
     let viewport = Viewport::full(16, 12);
-    let shots = [EYE, EYE + 0.02].map(|eye| Shot::new(&gpu, ROOM, straight(eye, viewport)));
+    // Nearer by an eighth: fractions of all kinds.
+    let shots = [EYE, EYE + DVec3::new(0.02, 0.03, -1.0)]
+        .map(|eye| Shot::new(&gpu, ROOM, &straight(eye, viewport)));
     let extremes = [f32::MAX, -f32::MAX, 1e-38, 0.0, -1e30, 1e19];
     for channels in [Channels::One, Channels::Three] {
         for clamping in [0.0, 1e-30, 1.0, 100.0] {
@@ -1293,7 +1339,13 @@ fn extreme_values_stay_finite() {
                 let picture: Vec<DVec3> = (0..shot.hits.len() as u32)
                     .map(|i| {
                         DVec3::from([0, 1, 2].map(|c| {
-                            f64::from(extremes[hashing::hash2(i, 3 * frame + c) as usize % 6])
+                            // From frame 8 on all are the largest: weights that sum to more than 1 overflow.
+                            let which = if frame < 8 {
+                                hashing::hash2(i, 3 * frame + c) as usize % 6
+                            } else {
+                                0
+                            };
+                            f64::from(extremes[which])
                         }))
                     })
                     .collect();
@@ -1301,7 +1353,8 @@ fn extreme_values_stay_finite() {
                     shot,
                     Frame {
                         picture: &picture,
-                        ..Frame::default()
+                        motion: None,
+                        reset: frame == 8,
                     },
                 );
                 for pixel in found {
@@ -1316,12 +1369,52 @@ fn extreme_values_stay_finite() {
     }
 }
 
+#[test]
+fn the_picture_may_be_the_target() {
+    let gpu = gpu();
+    let shot = Shot::new(&gpu, ROOM, &straight(EYE, Viewport::full(16, 12)));
+    let mut rig = Rig::new(&gpu, Channels::One, [16, 12], RUNNING);
+    let target = gpu.target(Format::R32Float, 16, 12);
+    let mut encoder = gpu.encoder();
+    // Nines in both frames, so a mean of nine; and with no frame lost in an encoder of two.
+    clear(&mut encoder, &target);
+    for _ in 0..2 {
+        let input = TemporalInput {
+            gbuffer: shot.gbuffer(),
+            camera: &shot.camera,
+            previous_camera: &shot.camera,
+            motion: None,
+            picture: &target,
+            target: &target,
+            reset: false,
+            timestamps: None,
+        };
+        rig.accumulator
+            .record(
+                &gpu.device,
+                &mut encoder,
+                &input,
+                &RUNNING,
+                &mut rig.history,
+            )
+            .expect("a frame");
+    }
+    gpu.finish(encoder);
+    assert_eq!(
+        gpu.read_texture::<f32>(target.texture(), 0),
+        vec![9.0; 16 * 12]
+    );
+    for (pixel, hit) in rig.kept().iter().zip(&shot.hits) {
+        assert_eq!(pixel.frames, if hit.is_some() { 2.0 } else { 0.0 });
+    }
+}
+
 /// What clamping is for, and what it costs; `TemporalSettings::clamping` and the changelog quote the figures.
 #[test]
 fn clamping_follows_the_light_and_costs_bias() {
     let gpu = gpu();
     let viewport = Viewport::full(64, 48);
-    let shot = Shot::new(&gpu, ROOM, straight(EYE, viewport));
+    let shot = Shot::new(&gpu, ROOM, &straight(EYE, viewport));
     let surfaces = shot.hits.iter().filter(|hit| hit.is_some()).count() as f64;
     let statistics = |found: &[Pixel], truth: f64| {
         let all = || {
@@ -1481,7 +1574,7 @@ fn what_does_not_fit_is_refused() {
     );
 
     let size = [8, 6];
-    let shot = Shot::new(&gpu, ROOM, straight(EYE, Viewport::full(8, 6)));
+    let shot = Shot::new(&gpu, ROOM, &straight(EYE, Viewport::full(8, 6)));
     let binding = TextureUsages::TEXTURE_BINDING;
     let attachment = TextureUsages::RENDER_ATTACHMENT;
     let view =
