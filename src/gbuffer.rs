@@ -182,7 +182,7 @@ pub(crate) fn check_plain(
     Ok(())
 }
 
-fn samples_as_float(format: Format) -> bool {
+pub(crate) fn samples_as_float(format: Format) -> bool {
     !format.has_depth_aspect()
         && !format.has_stencil_aspect()
         && matches!(

@@ -13,6 +13,7 @@ use crate::{
     shell_splatter::params::SplatParams,
     surfel_shader::params::{ShadowCameraParams, ShadowParams, SurfelShaderParams},
     surfelizer::params::{MeshParams, SurfelizerParams},
+    temporal_accumulator::params::TemporalParams,
 };
 
 /// Name and offset of each field of a Rust struct.
@@ -68,6 +69,7 @@ fn structs_match_the_shaders() {
         "receivers",
         "reconstructor smooth",
         "reconstructor",
+        "temporal_accumulator",
     ] {
         check(&ao, shader, "Camera", &camera, size_of::<CameraParams>());
     }
@@ -134,6 +136,17 @@ fn structs_match_the_shaders() {
     shaded("Shadow", &shadow, size_of::<ShadowParams>());
     let radiance = fields!(SurfelRadiance: front, back);
     shaded("SurfelRadiance", &radiance, size_of::<SurfelRadiance>());
+    let temporal = fields!(TemporalParams: previous, project, viewport, motion_scale, max_frames, depth_tolerance,
+        normal_tolerance, deviations, still, forget);
+    for shader in ["temporal_accumulator", "temporal_accumulator show"] {
+        check(
+            &ao,
+            shader,
+            "Params",
+            &temporal,
+            size_of::<TemporalParams>(),
+        );
+    }
     check(
         &ao,
         "surfelizer",

@@ -10,6 +10,9 @@
 //!   one of the caller's, in WGSL.
 //! * [`Reconstructor`]: the sums smoothed, added up and written into the caller's texture.
 //!
+//! A fourth is the caller's choice: [`TemporalAccumulator`], the mean of the picture over frames. Without it no state
+//! survives a frame.
+//!
 //! # Conventions
 //!
 //! * **Spaces.** The caller's world is in `f64` on the CPU ([`Camera`]). On the GPU all positions are in eye space: axes
@@ -101,6 +104,7 @@ mod shell_splatter;
 mod surfel;
 mod surfel_shader;
 mod surfelizer;
+mod temporal_accumulator;
 
 pub use camera::{Camera, Footprint, Viewport};
 pub use effect::{Channels, Effect};
@@ -130,4 +134,7 @@ pub use surfel_shader::{
 pub use surfelizer::{
     Surfelizer, SurfelizerInput,
     settings::{Placement, Reach, SurfelizerSettings},
+};
+pub use temporal_accumulator::{
+    MotionVectors, TemporalAccumulator, TemporalHistory, TemporalInput, settings::TemporalSettings,
 };

@@ -9,6 +9,7 @@ use crate::{
     shell_splatter::{self, SplatVariant},
     surfel_shader::{self, ShadeVariant},
     surfelizer,
+    temporal_accumulator::{self, TemporalVariant},
 };
 
 /// One module.
@@ -101,6 +102,20 @@ pub fn shaders(effect: &Effect) -> Result<Vec<Shader>, Error> {
             "reconstructor"
         };
         let source = reconstructor::source(effect, ReconstructorVariant::Reconstruct { smoothed })?;
+        all.push(shader(name, source, none));
+    }
+    for (name, variant) in [
+        (
+            "temporal_accumulator",
+            TemporalVariant::Accumulate { motion: false },
+        ),
+        (
+            "temporal_accumulator motion",
+            TemporalVariant::Accumulate { motion: true },
+        ),
+        ("temporal_accumulator show", TemporalVariant::Show),
+    ] {
+        let source = temporal_accumulator::source(effect.channels, variant)?;
         all.push(shader(name, source, none));
     }
     Ok(all)

@@ -6,10 +6,11 @@ mod shot;
 mod support;
 
 use deep_screen_space::{
-    AmbientOcclusion, CloudCapacity, ClusterInput, Error, Geometry, Reconstructor,
+    AmbientOcclusion, Channels, CloudCapacity, ClusterInput, Error, Geometry, Reconstructor,
     ReconstructorInput, ReconstructorSettings, ShellSplatter, ShellSplatterDescriptor, SplatInput,
     SplatSettings, SurfelShader, SurfelShaderInput, SurfelShaderSettings, Surfelizer,
-    SurfelizerInput, SurfelizerSettings, Timestamps, scenes, wgpu,
+    SurfelizerInput, SurfelizerSettings, TemporalAccumulator, TemporalInput, TemporalSettings,
+    Timestamps, scenes, wgpu,
 };
 use shot::{Shot, camera_of};
 use support::gpu::{Ask, Gpu};
@@ -28,7 +29,7 @@ fn recordings_write_their_times() {
     let set = device.create_query_set(&wgpu::QuerySetDescriptor {
         label: None,
         ty: wgpu::QueryType::Timestamp,
-        count: 10,
+        count: 12,
     });
     let stamps = |begin| {
         Some(Timestamps {
@@ -154,13 +155,32 @@ fn recordings_write_their_times() {
             &scratch,
         )
         .expect("a picture");
+    let accumulator =
+        TemporalAccumulator::new(device, Channels::One, format, None).expect("pipelines");
+    let mut history = accumulator
+        .create_history(device, 16, 16)
+        .expect("a history");
+    let input = TemporalInput {
+        gbuffer: shot.gbuffer(),
+        camera: &shot.camera,
+        previous_camera: &shot.camera,
+        motion: None,
+        picture: &target,
+        target: &target,
+        reset: false,
+        timestamps: stamps(10),
+    };
+    let settings = TemporalSettings::default();
+    accumulator
+        .record(device, &mut encoder, &input, &settings, &mut history)
+        .expect("a mean");
     let resolved = device.create_buffer(&wgpu::BufferDescriptor {
         label: None,
-        size: 80,
+        size: 96,
         usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
         mapped_at_creation: false,
     });
-    encoder.resolve_query_set(&set, 0..10, &resolved, 0);
+    encoder.resolve_query_set(&set, 0..12, &resolved, 0);
     gpu.finish(encoder);
     let times: Vec<u64> = gpu.read_buffer(&resolved);
     println!("{times:?}");

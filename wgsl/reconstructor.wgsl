@@ -193,11 +193,7 @@ fn smooth_columns(@builtin(global_invocation_id) id: vec3u) {
 
 #else
 
-@vertex
-fn cover(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {
-  // One triangle over the whole viewport.
-  return vec4f(f32(i & 1u) * 4.0 - 1.0, f32(i >> 1u) * 4.0 - 1.0, 0.0, 1.0);
-}
+#import screen
 
 @fragment
 fn reconstruct(@builtin(position) fragment: vec4f) -> @location(0) vec4f {

@@ -1,7 +1,9 @@
-//! What every pass shares: shader assembly, layouts and pipelines, uniforms, prefix sums, labels and timestamps.
+//! What every pass shares: shader assembly, layouts and pipelines, uniforms, prefix sums, fragment passes, labels and
+//! timestamps.
 
 pub(crate) mod binding;
 pub(crate) mod scan;
+pub(crate) mod screen;
 pub(crate) mod shader;
 
 use bytemuck::Pod;
@@ -127,12 +129,30 @@ pub(crate) fn compute_pass<'e>(
     label: &str,
     timestamps: Option<Timestamps<'_>>,
 ) -> ComputePass<'e> {
+    begin(encoder, label, timestamps, true)
+}
+
+/// The same for the first of several passes that share a pair of timestamps: the last one writes the end time.
+pub(crate) fn first_pass<'e>(
+    encoder: &'e mut CommandEncoder,
+    label: &str,
+    timestamps: Option<Timestamps<'_>>,
+) -> ComputePass<'e> {
+    begin(encoder, label, timestamps, false)
+}
+
+fn begin<'e>(
+    encoder: &'e mut CommandEncoder,
+    label: &str,
+    timestamps: Option<Timestamps<'_>>,
+    ends: bool,
+) -> ComputePass<'e> {
     encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
         label: Some(label),
         timestamp_writes: timestamps.map(|t| wgpu::ComputePassTimestampWrites {
             query_set: t.set,
             beginning_of_pass_write_index: Some(t.begin),
-            end_of_pass_write_index: Some(t.end),
+            end_of_pass_write_index: ends.then_some(t.end),
         }),
     })
 }

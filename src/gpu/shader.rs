@@ -20,6 +20,7 @@ const COMMON: &[(&str, &str)] = &[
     ("light", include_str!("../../wgsl/common/light.wgsl")),
     ("material", include_str!("../../wgsl/common/material.wgsl")),
     ("levels", include_str!("../../wgsl/common/levels.wgsl")),
+    ("screen", include_str!("../../wgsl/common/screen.wgsl")),
     (
         "effect_types",
         include_str!("../../wgsl/common/effect_types.wgsl"),

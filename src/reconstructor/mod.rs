@@ -17,7 +17,9 @@ use crate::{
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_2D, FLOAT_ARRAY, UINT_2D, UNIFORM, view, whole},
-        check_timestamps, shader, uniform,
+        check_timestamps, first_pass,
+        screen::{self, Screen},
+        shader, uniform,
     },
     receivers::{plane, plane_bytes},
     shell_splatter::SplatView,
@@ -106,21 +108,7 @@ impl Reconstructor {
         target: TextureFormat,
         cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
-        let float = matches!(
-            target.sample_type(None, Some(device.features())),
-            Some(wgpu::TextureSampleType::Float { .. })
-        );
-        let renderable = target
-            .guaranteed_format_features(device.features())
-            .allowed_usages
-            .contains(TextureUsages::RENDER_ATTACHMENT);
-        if target.has_depth_aspect() || !float || !renderable {
-            return Err(Error::Format {
-                name: "Reconstructor target",
-                format: target,
-                accepted: "a colour format of floats that can be rendered to",
-            });
-        }
+        screen::check_format(device, "Reconstructor target", target)?;
         let format = effect.sum_format();
         let smooth_layout = binding::layout(
             device,
@@ -159,7 +147,16 @@ impl Reconstructor {
                 LABEL,
                 source(effect, ReconstructorVariant::Reconstruct { smoothed })?,
             );
-            let pipeline = render_pipeline(device, effect, &module, &layout, target, cache);
+            let pipeline = Screen {
+                label: LABEL,
+                module: &module,
+                entry: "reconstruct",
+                layout: &layout,
+                constants: &effect.overrides(),
+                target,
+                cache,
+            }
+            .create(device);
             Ok((layout, pipeline))
         });
         let [plain, smoothed] = variants;
@@ -248,15 +245,7 @@ impl Reconstructor {
                 resources.extend([(2, view(from)), (3, view(to))]);
                 binding::group(device, LABEL, &self.smooth_layout, &resources)
             };
-            let begin = input.timestamps.map(|t| wgpu::ComputePassTimestampWrites {
-                query_set: t.set,
-                beginning_of_pass_write_index: Some(t.begin),
-                end_of_pass_write_index: None,
-            });
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                label: Some(LABEL),
-                timestamp_writes: begin,
-            });
+            let mut pass = first_pass(encoder, LABEL, input.timestamps);
             // A thread takes four pixels along the filter, a workgroup 8 x 8 threads.
             let Viewport { width, height, .. } = viewport;
             pass.set_pipeline(&self.smooth_rows);
@@ -280,36 +269,15 @@ impl Reconstructor {
             &self.reconstruct_layouts[smoothed],
             &resources,
         );
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some(LABEL),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: input.target,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Load,
-                    store: wgpu::StoreOp::Store,
-                },
-            })],
-            timestamp_writes: input.timestamps.map(|t| wgpu::RenderPassTimestampWrites {
-                query_set: t.set,
-                beginning_of_pass_write_index: smoothing.is_none().then_some(t.begin),
-                end_of_pass_write_index: Some(t.end),
-            }),
-            ..Default::default()
-        });
-        pass.set_viewport(
-            viewport.x as f32,
-            viewport.y as f32,
-            viewport.width as f32,
-            viewport.height as f32,
-            0.0,
-            1.0,
+        screen::draw(
+            encoder,
+            LABEL,
+            (&self.reconstruct[smoothed], &group),
+            input.target,
+            viewport,
+            input.timestamps,
+            smoothing.is_none(),
         );
-        pass.set_scissor_rect(viewport.x, viewport.y, viewport.width, viewport.height);
-        pass.set_pipeline(&self.reconstruct[smoothed]);
-        pass.set_bind_group(0, &group, &[]);
-        pass.draw(0..3, 0..1);
         Ok(())
     }
 
@@ -380,46 +348,6 @@ impl Reconstructor {
         }
         Ok(())
     }
-}
-
-fn render_pipeline(
-    device: &Device,
-    effect: &Effect,
-    module: &wgpu::ShaderModule,
-    layout: &wgpu::BindGroupLayout,
-    target: TextureFormat,
-    cache: Option<&PipelineCache>,
-) -> RenderPipeline {
-    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some(LABEL),
-        bind_group_layouts: &[Some(layout)],
-        immediate_size: 0,
-    });
-    let constants = effect.overrides();
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some(LABEL),
-        layout: Some(&layout),
-        vertex: wgpu::VertexState {
-            module,
-            entry_point: Some("cover"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[],
-        },
-        primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: None,
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module,
-            entry_point: Some("reconstruct"),
-            compilation_options: wgpu::PipelineCompilationOptions {
-                constants: &constants,
-                ..Default::default()
-            },
-            targets: &[Some(target.into())],
-        }),
-        multiview_mask: None,
-        cache,
-    })
 }
 
 /// The modules that a reconstructor is made of.

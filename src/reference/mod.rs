@@ -11,4 +11,5 @@ pub mod reconstructor;
 pub mod shell_splatter;
 pub mod surfel_shader;
 pub mod surfelizer;
+pub mod temporal_accumulator;
 pub mod trace;

@@ -1,0 +1,121 @@
+//! Fragment passes over the camera's viewport, into a texture of the caller's.
+
+use wgpu::{
+    BindGroup, BindGroupLayout, CommandEncoder, Device, PipelineCache, RenderPipeline,
+    ShaderModule, TextureFormat, TextureUsages, TextureView,
+};
+
+use super::Timestamps;
+use crate::{camera::Viewport, error::Error};
+
+/// [`Error::Format`] for a target that cannot be rendered to or does not hold floats.
+pub(crate) fn check_format(
+    device: &Device,
+    name: &'static str,
+    format: TextureFormat,
+) -> Result<(), Error> {
+    let float = matches!(
+        format.sample_type(None, Some(device.features())),
+        Some(wgpu::TextureSampleType::Float { .. })
+    );
+    let renderable = format
+        .guaranteed_format_features(device.features())
+        .allowed_usages
+        .contains(TextureUsages::RENDER_ATTACHMENT);
+    if format.has_depth_aspect() || !float || !renderable {
+        return Err(Error::Format {
+            name,
+            format,
+            accepted: "a colour format of floats that can be rendered to",
+        });
+    }
+    Ok(())
+}
+
+/// Everything that such a pipeline is made from; the module imports `wgsl/common/screen.wgsl`.
+pub(crate) struct Screen<'a> {
+    pub label: &'a str,
+    pub module: &'a ShaderModule,
+    pub entry: &'a str,
+    pub layout: &'a BindGroupLayout,
+    pub constants: &'a [(&'a str, f64)],
+    pub target: TextureFormat,
+    pub cache: Option<&'a PipelineCache>,
+}
+
+impl Screen<'_> {
+    pub fn create(&self, device: &Device) -> RenderPipeline {
+        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(self.label),
+            bind_group_layouts: &[Some(self.layout)],
+            immediate_size: 0,
+        });
+        device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some(self.label),
+            layout: Some(&layout),
+            vertex: wgpu::VertexState {
+                module: self.module,
+                entry_point: Some("cover"),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                buffers: &[],
+            },
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil: None,
+            multisample: wgpu::MultisampleState::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: self.module,
+                entry_point: Some(self.entry),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    constants: self.constants,
+                    ..Default::default()
+                },
+                targets: &[Some(self.target.into())],
+            }),
+            multiview_mask: None,
+            cache: self.cache,
+        })
+    }
+}
+
+/// Writes the viewport of `target` and leaves the rest. `begins` says whether the begin time is this pass's to write:
+/// it is not where a compute pass came first.
+pub(crate) fn draw(
+    encoder: &mut CommandEncoder,
+    label: &str,
+    (pipeline, group): (&RenderPipeline, &BindGroup),
+    target: &TextureView,
+    viewport: Viewport,
+    timestamps: Option<Timestamps<'_>>,
+    begins: bool,
+) {
+    let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        label: Some(label),
+        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+            view: target,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations {
+                load: wgpu::LoadOp::Load,
+                store: wgpu::StoreOp::Store,
+            },
+        })],
+        timestamp_writes: timestamps.map(|t| wgpu::RenderPassTimestampWrites {
+            query_set: t.set,
+            beginning_of_pass_write_index: begins.then_some(t.begin),
+            end_of_pass_write_index: Some(t.end),
+        }),
+        ..Default::default()
+    });
+    pass.set_viewport(
+        viewport.x as f32,
+        viewport.y as f32,
+        viewport.width as f32,
+        viewport.height as f32,
+        0.0,
+        1.0,
+    );
+    pass.set_scissor_rect(viewport.x, viewport.y, viewport.width, viewport.height);
+    pass.set_pipeline(pipeline);
+    pass.set_bind_group(0, group, &[]);
+    pass.draw(0..3, 0..1);
+}

@@ -1,0 +1,426 @@
+//! The mean over frames of a noisy picture (`wgsl/temporal_accumulator.wgsl`).
+
+pub(crate) mod params;
+pub(crate) mod settings;
+
+use wgpu::{
+    CommandEncoder, ComputePipeline, Device, PipelineCache, RenderPipeline, ShaderStages,
+    TextureFormat, TextureUsages, TextureView, TextureViewDimension,
+};
+
+use self::{params::TemporalParams, settings::TemporalSettings};
+use crate::{
+    camera::{Camera, Viewport},
+    effect::Channels,
+    error::{Error, check_setting},
+    gbuffer::{GBuffer, check_plain, samples_as_float},
+    gpu::{
+        Kernel, Timestamps,
+        binding::{self, FLOAT_2D, UINT_2D, UNIFORM, view, whole},
+        check_timestamps, first_pass,
+        screen::{self, Screen},
+        shader, uniform,
+    },
+    receivers::{Receivers, ReceiversPass, plane, plane_bytes},
+};
+
+pub(crate) const SOURCE: &str = include_str!("../../wgsl/temporal_accumulator.wgsl");
+
+const LABEL: &str = "deep-screen-space temporal accumulator";
+
+/// Averages an effect's picture over frames, and writes the mean into the caller's texture.
+///
+/// For what is noisy in each frame and right on average. It is the crate's only pass whose result depends on frames
+/// before: without it no state survives a frame.
+///
+/// A pixel's history is fetched from where its surface was in the last frame, by the cameras or by the caller's motion
+/// vectors (reverse reprojection: Nehab et al., *Accelerating Real-Time Shading with Reverse Reprojection Caching*,
+/// 2007), bilinearly from those of the four texels there that show the same surface by their distance and normal.
+/// Where none does, the pixel starts anew. With cameras that are equal, or motion of whole pixels, histories are taken
+/// as they are: a still picture's mean is the arithmetic mean of its frames. Motion by fractions of a pixel smooths the
+/// history by a little in each frame.
+///
+/// * **Sky** holds no history: its pixels show this frame's picture.
+/// * **A value that is not finite** counts as absent: the pixel keeps its history, or shows 0 where it has none.
+///
+/// Holds pipelines only, for one number of channels and one target format; one serves any number of views.
+#[derive(Debug)]
+pub struct TemporalAccumulator {
+    channels: Channels,
+    target: TextureFormat,
+    receivers: ReceiversPass,
+    /// Without and with motion vectors.
+    accumulate: [(wgpu::BindGroupLayout, ComputePipeline); 2],
+    show: (wgpu::BindGroupLayout, RenderPipeline),
+}
+
+/// What one view's frames left: two textures a frame, for the last frame and the one being recorded.
+///
+/// A view of another size needs a new one. Recordings swap it, so they have to be submitted in their order, and all of
+/// them.
+#[derive(Debug)]
+pub struct TemporalHistory {
+    channels: Channels,
+    frames: [Frame; 2],
+    /// The one that was recorded last.
+    last: usize,
+    /// Whether any was.
+    recorded: bool,
+}
+
+#[derive(Debug)]
+struct Frame {
+    receivers: Receivers,
+    means: TextureView,
+}
+
+impl TemporalHistory {
+    /// Width and height in pixels: that of the cameras' viewports.
+    pub fn size(&self) -> [u32; 2] {
+        self.frames[0].receivers.size
+    }
+
+    /// The means as the last recording leaves them, and the number of frames in each, 0 where there is no history:
+    /// `Rg32Float` (mean, frames) for one channel, `Rgba32Float` (mean, mean, mean, frames) for three; row 0 on top, a
+    /// texel a pixel of the viewport (usages `TEXTURE_BINDING | COPY_SRC`). A filter that follows can smooth what is
+    /// young more.
+    pub fn means(&self) -> &TextureView {
+        &self.frames[self.last].means
+    }
+
+    /// GPU memory that it owns, bytes: 48 a pixel with one channel, 64 with three.
+    pub fn memory_bytes(&self) -> u64 {
+        2 * (plane_bytes(TextureFormat::Rgba32Uint, self.size(), 1)
+            + plane_bytes(means_format(self.channels), self.size(), 1))
+    }
+}
+
+/// Where the pixels' surfaces were.
+#[derive(Clone, Copy, Debug)]
+pub struct MotionVectors<'a> {
+    /// A vector a pixel in the first two components, of any float or snorm format, usage `TEXTURE_BINDING`, covering
+    /// the camera's viewport. One that is not finite, or leads out of the viewport, drops the pixel's history.
+    pub view: &'a TextureView,
+    /// What makes a vector the pixel's position in this frame less its surface's in the last, as a share of the
+    /// viewport's width and height, y down: `[1, 1]` for vectors in such units (UV), `[1 / width, 1 / height]` for
+    /// those in pixels, `[0.5, -0.5]` for those in NDC, and the opposite signs for those that point into the past.
+    /// Finite, not 0. What cameras are jittered by counts where it moved the picture.
+    pub scale: [f32; 2],
+}
+
+impl<'a> MotionVectors<'a> {
+    /// Vectors in UV.
+    pub const fn uv(view: &'a TextureView) -> Self {
+        Self {
+            view,
+            scale: [1.0, 1.0],
+        }
+    }
+}
+
+/// What one recording of the [`TemporalAccumulator`] works on.
+#[derive(Clone, Copy, Debug)]
+pub struct TemporalInput<'a> {
+    /// This frame's G-buffer.
+    pub gbuffer: GBuffer<'a>,
+    /// Its camera.
+    pub camera: &'a Camera,
+    /// The camera of the history's last recording, with a viewport of the same size; in the first frame, any. A caller
+    /// that moved its world's origin gives it in the new world.
+    pub previous_camera: &'a Camera,
+    /// Where surfaces were; `None` where only the camera moves. A surface's distance from the previous eye is taken to
+    /// be that of its present place: one that moves towards the eye by more than
+    /// [`TemporalSettings::depth_tolerance`] of it in a frame starts anew.
+    pub motion: Option<MotionVectors<'a>>,
+    /// This frame's picture: any float, snorm or unorm format with one component or three, by the channels. Usage
+    /// `TEXTURE_BINDING`, covering the camera's viewport. It may be the target.
+    pub picture: &'a TextureView,
+    /// The caller's texture, of the format that the accumulator was made for, usage `RENDER_ATTACHMENT`, covering the
+    /// camera's viewport. Only the viewport is written: one channel into all three colours, alpha 1.
+    pub target: &'a TextureView,
+    /// Drops the history of all pixels, as a camera's cut needs.
+    pub reset: bool,
+    /// Where to write begin and end times, if anywhere.
+    pub timestamps: Option<Timestamps<'a>>,
+}
+
+impl TemporalAccumulator {
+    /// Compiles the pipelines. `target` is any colour format that can be rendered to (`R8Unorm`, `R16Float`,
+    /// `Rgba16Float` …); its missing channels are dropped.
+    ///
+    /// # Errors
+    /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats.
+    pub fn new(
+        device: &Device,
+        channels: Channels,
+        target: TextureFormat,
+        cache: Option<&PipelineCache>,
+    ) -> Result<Self, Error> {
+        screen::check_format(device, "TemporalAccumulator target", target)?;
+        let module =
+            |variant| source(channels, variant).map(|source| shader::create(device, LABEL, source));
+        let accumulate = |motion: bool| -> Result<_, Error> {
+            let mut entries = vec![
+                (0, UNIFORM),
+                (1, UINT_2D),
+                (2, UINT_2D),
+                (3, FLOAT_2D),
+                (4, FLOAT_2D),
+            ];
+            entries.extend(motion.then_some((5, FLOAT_2D)));
+            let format = means_format(channels);
+            entries.push((6, binding::store(format, TextureViewDimension::D2)));
+            let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
+            let pipeline = Kernel {
+                label: LABEL,
+                module: &module(TemporalVariant::Accumulate { motion })?,
+                entry: "accumulate",
+                layouts: &[&layout],
+                constants: &[],
+                cache,
+            }
+            .create(device);
+            Ok((layout, pipeline))
+        };
+        let layout = binding::layout(
+            device,
+            LABEL,
+            ShaderStages::FRAGMENT,
+            &[(0, UNIFORM), (3, FLOAT_2D)],
+        );
+        let show = Screen {
+            label: LABEL,
+            module: &module(TemporalVariant::Show)?,
+            entry: "show",
+            layout: &layout,
+            constants: &[],
+            target,
+            cache,
+        }
+        .create(device);
+        Ok(Self {
+            channels,
+            target,
+            receivers: ReceiversPass::new(device, cache)?,
+            accumulate: [accumulate(false)?, accumulate(true)?],
+            show: (layout, show),
+        })
+    }
+
+    /// An empty history for a view of `width` × `height` pixels.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for a size out of range, [`Error::Limit`] for one beyond the device's.
+    pub fn create_history(
+        &self,
+        device: &Device,
+        width: u32,
+        height: u32,
+    ) -> Result<TemporalHistory, Error> {
+        let size = [width, height];
+        let format = means_format(self.channels);
+        let frame = || -> Result<Frame, Error> {
+            let means = plane(device, "deep-screen-space temporal means", format, size, 1)?;
+            Ok(Frame {
+                receivers: Receivers::new(device, size)?,
+                means: means.create_view(&wgpu::TextureViewDescriptor::default()),
+            })
+        };
+        Ok(TemporalHistory {
+            channels: self.channels,
+            frames: [frame()?, frame()?],
+            last: 0,
+            recorded: false,
+        })
+    }
+
+    /// Records a frame into the history and the caller's texture.
+    ///
+    /// # Errors
+    /// What [`GBuffer::validate`] and [`TemporalSettings::validate`] find; [`Error::Setting`] for the scale of motion
+    /// vectors; [`Error::Format`], [`Error::Shape`], [`Error::Size`] or [`Error::Usage`] for the picture, the motion
+    /// vectors or the target; [`Error::Mismatch`] where the history or the previous camera's viewport has another size
+    /// than the camera's, the history other channels, or the target another format. The history is left alone then.
+    pub fn record(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        input: &TemporalInput<'_>,
+        settings: &TemporalSettings,
+        history: &mut TemporalHistory,
+    ) -> Result<(), Error> {
+        settings.validate()?;
+        check_timestamps(input.timestamps)?;
+        self.check(input, history)?;
+        let camera = input.camera;
+        let viewport = camera.viewport();
+        let params = uniform(
+            device,
+            LABEL,
+            &TemporalParams::new(
+                settings,
+                camera,
+                input.previous_camera,
+                input.motion.map_or([1.0, 1.0], |motion| motion.scale),
+                input.reset || !history.recorded,
+            ),
+        );
+        let last = &history.frames[history.last];
+        let next = &history.frames[1 - history.last];
+        self.receivers.record(
+            device,
+            encoder,
+            &input.gbuffer,
+            camera,
+            camera.eye(),
+            &next.receivers,
+        );
+
+        let (layout, pipeline) = &self.accumulate[usize::from(input.motion.is_some())];
+        let mut resources = vec![
+            (0, whole(&params)),
+            (1, view(&next.receivers.view)),
+            (2, view(&last.receivers.view)),
+            (3, view(&last.means)),
+            (4, view(input.picture)),
+            (6, view(&next.means)),
+        ];
+        resources.extend(input.motion.map(|motion| (5, view(motion.view))));
+        let group = binding::group(device, LABEL, layout, &resources);
+        let mut pass = first_pass(encoder, LABEL, input.timestamps);
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.dispatch_workgroups(viewport.width.div_ceil(8), viewport.height.div_ceil(8), 1);
+        drop(pass);
+
+        let (layout, pipeline) = &self.show;
+        let resources = [(0, whole(&params)), (3, view(&next.means))];
+        let group = binding::group(device, LABEL, layout, &resources);
+        screen::draw(
+            encoder,
+            LABEL,
+            (pipeline, &group),
+            input.target,
+            viewport,
+            input.timestamps,
+            false,
+        );
+        history.last = 1 - history.last;
+        history.recorded = true;
+        Ok(())
+    }
+
+    fn check(&self, input: &TemporalInput<'_>, history: &TemporalHistory) -> Result<(), Error> {
+        let viewport = input.camera.viewport();
+        let size = [viewport.width, viewport.height];
+        input.gbuffer.validate(viewport)?;
+        let (components, accepted) = match self.channels {
+            Channels::One => (1, "a float, snorm or unorm format"),
+            Channels::Three => (
+                3,
+                "a float, snorm or unorm format with three components or more",
+            ),
+        };
+        check_floats(
+            "TemporalInput::picture",
+            input.picture,
+            viewport,
+            components,
+            accepted,
+        )?;
+        if let Some(motion) = input.motion {
+            check_floats(
+                "MotionVectors::view",
+                motion.view,
+                viewport,
+                2,
+                "a float, snorm or unorm format with two components or more",
+            )?;
+            for scale in motion.scale {
+                check_setting(
+                    scale.is_finite() && scale != 0.0,
+                    "MotionVectors::scale",
+                    scale,
+                    "finite, not 0",
+                )?;
+            }
+        }
+        let needed = TextureUsages::RENDER_ATTACHMENT;
+        check_plain("TemporalInput::target", input.target, viewport, needed)?;
+        let format = input.target.texture().format();
+        if format != self.target {
+            return Err(Error::Mismatch {
+                name: "TemporalAccumulator",
+                found: format!("{:?}", self.target),
+                needed: format!("{format:?}"),
+            });
+        }
+        let previous = input.previous_camera.viewport();
+        if [previous.width, previous.height] != size {
+            return Err(Error::Mismatch {
+                name: "TemporalInput::previous_camera",
+                found: format!("{:?} pixels", [previous.width, previous.height]),
+                needed: format!("{size:?} pixels"),
+            });
+        }
+        if history.size() != size || history.channels != self.channels {
+            return Err(Error::Mismatch {
+                name: "TemporalHistory",
+                found: format!(
+                    "{:?} pixels, channels: {:?}",
+                    history.size(),
+                    history.channels
+                ),
+                needed: format!("{size:?} pixels, channels: {:?}", self.channels),
+            });
+        }
+        Ok(())
+    }
+}
+
+fn check_floats(
+    name: &'static str,
+    view: &TextureView,
+    viewport: Viewport,
+    components: u8,
+    accepted: &'static str,
+) -> Result<(), Error> {
+    check_plain(name, view, viewport, TextureUsages::TEXTURE_BINDING)?;
+    let format = view.texture().format();
+    if !samples_as_float(format) || format.components() < components {
+        return Err(Error::Format {
+            name,
+            format,
+            accepted,
+        });
+    }
+    Ok(())
+}
+
+/// A mean and a count: 32 bits, since a mean over thousands of frames no longer moves in 16.
+fn means_format(channels: Channels) -> TextureFormat {
+    match channels {
+        Channels::One => TextureFormat::Rg32Float,
+        Channels::Three => TextureFormat::Rgba32Float,
+    }
+}
+
+/// The modules that an accumulator is made of.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum TemporalVariant {
+    Accumulate { motion: bool },
+    Show,
+}
+
+/// Assembles one of them.
+pub(crate) fn source(channels: Channels, variant: TemporalVariant) -> Result<String, Error> {
+    let mut flags = Vec::new();
+    if channels == Channels::Three {
+        flags.push("COLOR");
+    }
+    if let TemporalVariant::Accumulate { motion } = variant {
+        flags.push("ACCUMULATE");
+        flags.extend(motion.then_some("MOTION"));
+    }
+    shader::assemble("temporal_accumulator", SOURCE, &flags, &[])
+}
