@@ -17,6 +17,20 @@ const COMMON: &[(&str, &str)] = &[
     ("receiver", include_str!("../../wgsl/common/receiver.wgsl")),
     ("surfel", include_str!("../../wgsl/common/surfel.wgsl")),
     ("levels", include_str!("../../wgsl/common/levels.wgsl")),
+    ("rooms", include_str!("../../wgsl/common/rooms.wgsl")),
+    (
+        "bisection",
+        include_str!("../../wgsl/common/bisection.wgsl"),
+    ),
+    (
+        "walk_tree",
+        include_str!("../../wgsl/common/walk_tree.wgsl"),
+    ),
+    ("walk", include_str!("../../wgsl/common/walk.wgsl")),
+    (
+        "directions",
+        include_str!("../../wgsl/common/directions.wgsl"),
+    ),
     (
         "effect_types",
         include_str!("../../wgsl/common/effect_types.wgsl"),

@@ -210,6 +210,7 @@ impl Surfelizer {
         );
 
         cloud.origin = input.camera.eye();
+        cloud.perspective = input.camera.is_perspective();
         encoder.clear_buffer(&cloud.counters, 0, None);
         encoder.clear_buffer(&cloud.triangle_offsets.values, 0, None);
         encoder.clear_buffer(&cloud.piece_offsets.values, 0, None);
