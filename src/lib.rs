@@ -83,6 +83,7 @@
 pub use glam;
 pub use wgpu;
 
+mod bounced_z_buffer;
 mod camera;
 mod effect;
 mod effects;
@@ -99,6 +100,7 @@ mod reconstructor;
 pub mod reference;
 #[cfg(feature = "scenes")]
 pub mod scenes;
+mod sender_bounds;
 mod shaders;
 mod shell_splatter;
 mod surfel;
@@ -106,6 +108,10 @@ mod surfel_shader;
 mod surfelizer;
 mod temporal_accumulator;
 
+pub use bounced_z_buffer::{
+    BouncedDescriptor, BouncedInput, BouncedView, BouncedZBuffer,
+    settings::{BouncedSettings, Sampling},
+};
 pub use camera::{Camera, Footprint, Viewport};
 pub use effect::{Channels, Effect};
 pub use effects::ambient_occlusion::{AmbientOcclusion, Overlap};
@@ -120,6 +126,7 @@ pub use light::Light;
 pub use reconstructor::{
     Reconstructor, ReconstructorInput, ReconstructorView, settings::ReconstructorSettings,
 };
+pub use sender_bounds::SenderBounds;
 pub use shaders::{Shader, shaders};
 pub use shell_splatter::{
     ClusterInput, ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatView, SurfelClusters,

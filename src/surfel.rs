@@ -16,8 +16,9 @@ use crate::{
 /// How much a cloud can hold. Memory is `32 · surfels + 52 · pieces + 4 · triangles` bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CloudCapacity {
-    /// Surfels, 1…2²³ within `Limits::default()` (16 bytes in each of two buffers). Where a recording asks for more,
-    /// an even selection of them stays, enlarged to keep the area, and [`SurfelCounts::overflow`] tells.
+    /// Surfels, 0…2²³ within `Limits::default()` (16 bytes in each of two buffers). Where a recording asks for more,
+    /// an even selection of them stays, enlarged to keep the area, and [`SurfelCounts::overflow`] tells. 0 where only
+    /// pieces are of use, as to a [`BouncedZBuffer`](crate::BouncedZBuffer) for ambient occlusion.
     pub surfels: u32,
     /// Triangles after large ones were split; 1…2.7 million within `Limits::default()` (48 bytes each). One a triangle
     /// that is larger than a surfel, plus a few hundred for each that spans the view, is ample.
@@ -68,7 +69,9 @@ pub struct SurfelRadiance {
 }
 
 /// A triangle after pre-splitting: `pieces` of the cloud, 48 bytes each. Its surfels are the leaves of its
-/// longest-edge bisection.
+/// longest-edge bisection. A small triangle that stands for others, since
+/// [`SurfelizerSettings::density`](crate::SurfelizerSettings::density) thinned them, is replaced by an equilateral one
+/// of the area that it stands for.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Piece {
@@ -120,6 +123,8 @@ pub struct SurfelCloud {
     pub(crate) origin: DVec3,
     /// How its surfels were last placed.
     pub(crate) placement: Placement,
+    /// Whether the camera last recorded for has a perspective: surfels then grow with their distance from it.
+    pub(crate) perspective: bool,
     pub(crate) surfels: Buffer,
     pub(crate) sources: Buffer,
     pub(crate) pieces: Buffer,
@@ -137,10 +142,10 @@ impl SurfelCloud {
         capacity: CloudCapacity,
     ) -> Result<Self, Error> {
         check_setting(
-            (1..=1 << 23).contains(&capacity.surfels),
+            capacity.surfels <= 1 << 23,
             "CloudCapacity::surfels",
             capacity.surfels,
-            "1 to 2^23",
+            "0 to 2^23",
         )?;
         check_setting(
             (1..=1 << 23).contains(&capacity.pieces),
@@ -160,6 +165,7 @@ impl SurfelCloud {
             capacity,
             origin: DVec3::ZERO,
             placement: Placement::default(),
+            perspective: true,
             surfels: storage(
                 device,
                 "deep-screen-space surfels",

@@ -21,6 +21,7 @@
 #import dispatch
 #import surfel
 #import triangle
+#import rooms
 
 struct Params {
   camera: Camera,
@@ -223,6 +224,23 @@ fn piece_shape(t: Triangle, triangle: u32, path: u32) -> u32 {
   return tag | bisections(a);
 }
 
+// What is written for a small triangle that thinning kept: one of the area that it stands for, the target's divided by
+// the density, at its place and in its plane. Equilateral, since a sliver enlarged would reach far beyond its surface.
+fn stand_in(t: Triangle, shape: u32) -> Triangle {
+  let a = relative_area(t);
+  if (shape & SHAPE_SMALL) == 0u || params.density * a >= 1.0 {
+    return t;
+  }
+  let center = centroid(t);
+  let normal = normalize_or(area_vector(t).direction, vec3f(0.0, 0.0, 1.0));
+  let tangent = normalize_or(t.b - t.a, vec3f(1.0, 0.0, 0.0));
+  // The area is 3 sqrt(3) / 4 times the square of the circumradius.
+  let radius = target_radius(center) * inverseSqrt(params.density) * sqrt(PI / 1.29903811);
+  let up = tangent * radius;
+  let aside = cross(normal, tangent) * radius * 0.86602540;
+  return Triangle(center + up, center - 0.5 * up + aside, center - 0.5 * up - aside);
+}
+
 fn word_position(word: u32) -> vec3f {
   if mesh.vertex_format == 0u {
     return bitcast<vec3f>(vec3u(vertices[word], vertices[word + 1u], vertices[word + 2u]));
@@ -342,55 +360,6 @@ fn path_hash(path: Path) -> u32 {
   return hash2(path.bits.x, hash2(path.bits.y, path.depth)) >> SHAPE_PATH_SHIFT;
 }
 
-// Room in an array of `capacity` for item `index` of `total`: all of them where they fit, an even selection where they
-// do not. NO_ROOM for those left out.
-const NO_ROOM: u32 = 0xffffffffu;
-
-// floor(capacity * 2^32 / total) for capacity < total, by long division.
-fn keep_ratio(total: u32, capacity: u32) -> u32 {
-  var remainder = capacity;
-  var ratio = 0u;
-  for (var i = 0u; i < 32u; i++) {
-    let carry = remainder >> 31u;
-    remainder <<= 1u;
-    ratio <<= 1u;
-    if carry != 0u || remainder >= total {
-      remainder -= total;
-      ratio |= 1u;
-    }
-  }
-  return ratio;
-}
-
-fn room_for(index: u32, total: u32, capacity: u32) -> u32 {
-  if total <= capacity {
-    return index;
-  }
-  let ratio = keep_ratio(total, capacity);
-  let room = multiply_high(index, ratio);
-  let taken = index > 0u && multiply_high(index - 1u, ratio) == room;
-  return select(room, NO_ROOM, taken);
-}
-
-// The inverse: the item that has a given room.
-fn item_of(room: u32, total: u32, capacity: u32) -> u32 {
-  if total <= capacity {
-    return room;
-  }
-  let ratio = keep_ratio(total, capacity);
-  var low = 0u;
-  var high = total - 1u;
-  while low < high {
-    let middle = low + (high - low) / 2u;
-    if multiply_high(middle, ratio) >= room {
-      high = middle;
-    } else {
-      low = middle + 1u;
-    }
-  }
-  return low;
-}
-
 // Walks the bisection tree of a triangle from left to right. With `first_piece` the pieces are written from there on.
 fn walk(root: Triangle, triangle: u32, write: bool, first_piece: u32) -> u32 {
   var path = Path(vec2u(0u), 0u);
@@ -419,7 +388,8 @@ fn walk(root: Triangle, triangle: u32, write: bool, first_piece: u32) -> u32 {
         if write {
           let room = room_for(first_piece + count, total, params.piece_capacity);
           if room != NO_ROOM {
-            pieces[room] = Piece(node.a, mesh.material, node.b, shape, node.c, triangle);
+            let kept = stand_in(node, shape);
+            pieces[room] = Piece(kept.a, mesh.material, kept.b, shape, kept.c, triangle);
             piece_offsets[room] = surfels_of(shape);
           }
         }
@@ -578,11 +548,6 @@ fn emit_surfels(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocati
   let normal = normalize_or(area_vector(t).direction, vec3f(0.0, 0.0, 1.0));
 
   var radius = area_root(t) * inverseSqrt(PI * f32(surfels_of(piece.shape)));
-  if (piece.shape & SHAPE_SMALL) != 0u {
-    let r = target_radius(centroid(t));
-    // Thinned to `density` disks each target area, or whole where it has more than that.
-    radius = max(radius, r * inverseSqrt(params.density));
-  }
   // What overflow dropped is made up for in area by those that stay.
   radius *= sqrt(max(1.0, f32(total) / f32(params.surfel_capacity)))
     * sqrt(max(1.0, f32(counters.pieces) / f32(params.piece_capacity)));

@@ -5,6 +5,7 @@ pub(crate) mod binding;
 pub(crate) mod scan;
 pub(crate) mod screen;
 pub(crate) mod shader;
+pub(crate) mod sort;
 
 use bytemuck::Pod;
 use wgpu::{

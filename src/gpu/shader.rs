@@ -21,6 +21,16 @@ const COMMON: &[(&str, &str)] = &[
     ("material", include_str!("../../wgsl/common/material.wgsl")),
     ("levels", include_str!("../../wgsl/common/levels.wgsl")),
     ("screen", include_str!("../../wgsl/common/screen.wgsl")),
+    ("rooms", include_str!("../../wgsl/common/rooms.wgsl")),
+    (
+        "walk_tree",
+        include_str!("../../wgsl/common/walk_tree.wgsl"),
+    ),
+    ("walk", include_str!("../../wgsl/common/walk.wgsl")),
+    (
+        "directions",
+        include_str!("../../wgsl/common/directions.wgsl"),
+    ),
     (
         "effect_types",
         include_str!("../../wgsl/common/effect_types.wgsl"),

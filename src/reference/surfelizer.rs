@@ -248,6 +248,25 @@ impl Params {
         Some(tag | bisections(a))
     }
 
+    fn stand_in(&self, t: Triangle, shape: u32) -> Triangle {
+        let a = self.relative_area(t);
+        if shape & SHAPE_SMALL == 0 || self.density * a >= 1.0 {
+            return t;
+        }
+        let center = centroid(t);
+        let normal = area_vector(t).direction.normalize_or(DVec3::Z);
+        let tangent = (t.b - t.a).normalize_or(DVec3::X);
+        let area = PI * self.target_radius(center).powi(2) / self.density;
+        let radius = (area * 4.0 / (3.0 * 3_f64.sqrt())).sqrt();
+        let up = tangent * radius;
+        let aside = normal.cross(tangent) * radius * 0.75_f64.sqrt();
+        Triangle {
+            a: center + up,
+            b: center - 0.5 * up + aside,
+            c: center - 0.5 * up - aside,
+        }
+    }
+
     fn walk(&self, root: Triangle, triangle: u32, mut take: impl FnMut(Triangle, u32)) {
         let mut path = Path::default();
         let mut node = root;
@@ -264,7 +283,7 @@ impl Params {
             if verdict != Verdict::Cull
                 && let Some(shape) = self.piece_shape(node, triangle, path.hash())
             {
-                take(node, shape);
+                take(self.stand_in(node, shape), shape);
             }
             while path.depth > 0 && path.side(path.depth - 1) == 1 {
                 path.depth -= 1;
@@ -522,10 +541,6 @@ fn emit_surfel(
     let normal = area_vector(t).direction.normalize_or(DVec3::Z);
 
     let mut radius = area_root(t) / (PI * f64::from(params.surfels_of(piece.shape))).sqrt();
-    if piece.shape & SHAPE_SMALL != 0 {
-        let r = params.target_radius(centroid(t));
-        radius = radius.max(r / params.density.sqrt());
-    }
     radius *= (f64::from(counts.surfels) / f64::from(capacity.surfels))
         .max(1.0)
         .sqrt()

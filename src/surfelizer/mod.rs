@@ -211,6 +211,7 @@ impl Surfelizer {
 
         cloud.origin = input.camera.eye();
         cloud.placement = settings.placement;
+        cloud.perspective = input.camera.is_perspective();
         encoder.clear_buffer(&cloud.counters, 0, None);
         encoder.clear_buffer(&cloud.triangle_offsets.values, 0, None);
         encoder.clear_buffer(&cloud.piece_offsets.values, 0, None);

@@ -1,0 +1,86 @@
+// BouncedZBuffer: what each pixel of the G-buffer sees along N directions of its own (The Bounced Z-buffer 3 and 4.2).
+//
+//   trace   a thread a pixel and direction, a workgroup 8x8 pixels
+//
+// The paper splats senders onto pixels and keeps the nearest hit of each pixel's direction. Here a pixel gathers: it
+// walks over the bounds of runs of senders and skips what its ray misses (wgsl/common/walk.wgsl), so that a nearest hit
+// takes tens of tests in place of all senders within their splats' reach.
+
+#import math
+#import packing
+#import hashing
+#import receiver
+#import surfel
+#import rooms
+#import directions
+
+alias Counter = u32;
+
+struct Params {
+  size: vec2u,
+  directions: u32,
+  columns: u32,
+  rows: u32,
+  frame: u32,
+  piece_capacity: u32,
+  surfel_capacity: u32,
+  // Farther hits do not count, world units.
+  world_radius: f32,
+  // Words of bits a pixel.
+  words: u32,
+  padding: vec2u,
+  // Radiance where nothing is hit.
+  background: vec3f,
+  padding2: u32,
+}
+
+override SAMPLING: u32 = 0u;
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> counters: Counters;
+@group(0) @binding(2) var nodes: texture_2d<f32>;
+@group(0) @binding(3) var leaves: texture_2d<f32>;
+@group(0) @binding(4) var receivers: texture_2d<u32>;
+#if RADIANCE
+@group(0) @binding(5) var hits: texture_storage_2d_array<r32uint, write>;
+@group(0) @binding(6) var<storage, read> radiance: array<SurfelRadiance>;
+@group(0) @binding(7) var<storage, read> piece_offsets: array<u32>;
+#else
+// Bits of the directions that hit something.
+@group(0) @binding(5) var<storage, read_write> hits: array<atomic<u32>>;
+#endif
+#if STATISTICS
+// Rays, nodes tested, senders tested, rays that hit.
+@group(0) @binding(8) var<storage, read_write> statistics: array<atomic<u32>, 4>;
+#endif
+
+#import walk
+
+@compute @workgroup_size(8, 8)
+fn trace(@builtin(global_invocation_id) id: vec3u) {
+  let pixel = id.xy;
+  if any(pixel >= params.size) {
+    return;
+  }
+  let texel = textureLoad(receivers, pixel, 0);
+  if texel.w == SKY {
+    return;
+  }
+  let position = receiver_position(texel);
+  let normal = unpack_normal(texel.w);
+  let point = cell_point(pixel, id.z, params.columns, params.rows, params.frame);
+  let drawn = hemisphere_direction(point, normal, SAMPLING);
+  let lift = 4.0 * POSITION_TOLERANCE * max_component(abs(position));
+  let ray = make_ray(position + normal * lift, drawn.direction);
+  let count = rooms_taken(counters.pieces, params.piece_capacity);
+  let hit = walk(ray, count, params.piece_capacity, params.world_radius, true);
+  if hit.sender != NO_SENDER {
+    atomicOr(&hits[(pixel.y * params.size.x + pixel.x) * params.words + id.z / 32u], 1u << (id.z & 31u));
+  }
+#if STATISTICS
+  atomicAdd(&statistics[0], 1u);
+  atomicAdd(&statistics[1], nodes_tested);
+  atomicAdd(&statistics[2], senders_tested);
+  atomicAdd(&statistics[3], select(0u, 1u, hit.sender != NO_SENDER));
+#endif
+}

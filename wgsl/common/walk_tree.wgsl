@@ -1,0 +1,33 @@
+// Bounds over runs of senders: over each run of four successive senders stands a node, over four nodes another one, and
+// so on up to a single node. A node's place is its depth and its index. Senders and nodes stand in arrays of vectors that
+// have a component for each of the four, so that a ray meets four at once.
+
+// Of four boxes or triangles, 6 vectors: lowest x, y, z and highest x, y, z.
+const NODE_TEXELS: u32 = 6u;
+// Of four triangles, 9 vectors: x, y, z of a corner and of the edges from it to the second and the third.
+const LEAF_TEXELS: u32 = 9u;
+const TEXELS_A_ROW: u32 = 4096u;
+
+// Stands for infinity; its square is finite.
+const FAR: f32 = 1e18;
+// Rounding of positions relative to their size. Senders are grown by it, so that neighbours leave no gap.
+const POSITION_TOLERANCE: f32 = 1e-6;
+
+// Nodes at a depth, counted from 0 where a node has four senders.
+fn nodes_at(count: u32, depth: u32) -> u32 {
+  let shift = 2u * depth + 2u;
+  return (count >> shift) + select(0u, 1u, (count & ((1u << shift) - 1u)) != 0u);
+}
+
+// The depth with a single node.
+fn top_of(count: u32) -> u32 {
+  let bits = 32u - countLeadingZeros(max(count, 1u) - 1u);
+  return max((bits + 1u) / 2u, 1u) - 1u;
+}
+
+// Where a depth's nodes begin, given room for `capacity` senders: at least nodes_at(capacity, depth) apart, as a third
+// of the capacity is left over from each depth to the next.
+fn depth_offset(capacity: u32, depth: u32) -> u32 {
+  let third = capacity / 3u + 1u;
+  return third - (third >> (2u * depth)) + 2u * depth;
+}
