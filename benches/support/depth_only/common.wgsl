@@ -56,12 +56,11 @@ fn to_border(at: vec2f, line: vec2f) -> f32 {
   return min(abs(along.x), abs(along.y));
 }
 
-// Pixels from the middle to the i-th step of a march `length` pixels long: quadratic, so that near geometry is met
-// finely, but never less than a pixel apart. Starts outside of the pixel in the middle.
+// Pixels from the middle to the i-th step of a march `length` pixels long, never less than a pixel apart. Starts outside
+// of the pixel in the middle. Even steps: in 256 x 160 pixels quadratic ones, which favour what is near, err more.
 fn step_at(i: u32, jitter: f32, length: f32) -> f32 {
   let t = f32(i) + jitter;
-  let share = t / f32(params.steps);
-  return 0.75 + max(t, share * share * length);
+  return 0.75 + t * max(1.0, length / f32(params.steps));
 }
 
 // Two numbers a pixel in 0..1 that cover the square evenly over every few pixels that lie together: the sequence R2

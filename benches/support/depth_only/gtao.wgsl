@@ -42,12 +42,13 @@ fn reach(slice: Slice, side: vec3f, line: vec2f) -> f32 {
   return min(border, distance(pixel_of_clip(clip), slice.at));
 }
 
-// The i-th tap of one side, from the pixel's point; w is 0 where it is beyond the radius.
-fn tap_at(slice: Slice, offset: f32, line: vec2f) -> vec4f {
+// A tap of one side, from the pixel's point; w is 0 where it is beyond the radius, or slid to the other side.
+fn tap_at(slice: Slice, offset: f32, side: vec3f, line: vec2f) -> vec4f {
   let texel = clamp(vec2i(slice.at + offset * line), vec2i(0), size() - 1);
   let tap = position(vec2f(texel) + 0.5, textureLoad(depths, texel, 0).x) - slice.p;
-  let counts = select(0.0, 1.0, dot(tap, tap) < params.radius * params.radius);
-  return vec4f(tap - slice.slide * dot(tap, slice.across), counts);
+  let d = tap - slice.slide * dot(tap, slice.across);
+  let counts = dot(tap, tap) < params.radius * params.radius && dot(d, side) > 0.0;
+  return vec4f(d, select(0.0, 1.0, counts));
 }
 
 // Cosine of the angle from the view ray.
@@ -64,7 +65,7 @@ fn horizon(slice: Slice, side: vec3f, line: vec2f, jitter: f32) -> f32 {
     if offset > end {
       break;
     }
-    let tap = tap_at(slice, offset, line);
+    let tap = tap_at(slice, offset, side, line);
     highest = select(highest, max(highest, cosine_to_eye(slice, tap.xyz)), tap.w > 0.0);
   }
   return acos(highest);
@@ -89,7 +90,7 @@ fn blocked(slice: Slice, gamma: f32, toward: f32, side: vec3f, line: vec2f, jitt
     if offset > end {
       break;
     }
-    let tap = tap_at(slice, offset, line);
+    let tap = tap_at(slice, offset, side, line);
     if tap.w > 0.0 {
       let behind = tap.xyz + normalize(slice.p + tap.xyz) * params.thickness;
       let front_angle = toward * acos(cosine_to_eye(slice, tap.xyz));
