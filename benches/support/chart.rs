@@ -40,7 +40,7 @@ pub struct Panel {
     pub title: String,
     pub curves: Vec<(String, Vec<Point>)>,
     pub presets: Vec<Point>,
-    /// RMSE of what the depth buffer alone can know.
+    /// RMSE of exact rays against the surface that the depth buffer holds, nothing behind it.
     pub depth_alone: f64,
 }
 
@@ -120,7 +120,7 @@ fn draw(picture: &mut RgbImage, panels: &[Panel]) -> Result<(), Box<dyn std::err
             BLACK.mix(0.5),
         )])?;
         chart.draw_series([Text::new(
-            "depth buffer alone, at best",
+            "rays traced against the depth buffer",
             (times.start * 1.05, level),
             text.clone().pos(Pos::new(HPos::Left, VPos::Bottom)),
         )])?;

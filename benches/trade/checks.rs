@@ -108,7 +108,8 @@ pub fn run(gpu: &Gpu) -> Result<(), String> {
 /// near the image's border occluders are beyond it.
 fn off_crease(place: DVec3) -> Option<f64> {
     let distance = place.x.max(place.y);
-    (distance > 0.05 && distance < 0.6 && place.z.abs() < 0.3).then_some((distance / RADIUS).min(1.0))
+    (distance > 0.05 && distance < 0.6 && place.z.abs() < 0.3)
+        .then_some((distance / RADIUS).min(1.0))
 }
 
 /// What an endless wall within the radius hides of the cosine-weighted hemisphere: directions w with w.x > c, and so a
@@ -242,20 +243,22 @@ impl<'g> Set<'g> {
             let error = (f64::from(value) - expected).abs();
             square += error * error;
             count += 1.0;
-            // What is not a number is worse than all.
-            if !(error <= worst.0) {
+            // What is not a number is worse than all, and stays.
+            if error.is_nan() || error > worst.0 {
                 worst = (error, place, f64::from(value), expected);
             }
         }
         let rmse = (square / f64::max(count, 1.0)).sqrt();
         let (most, place, value, expected) = worst;
         let Tolerance { rmse: r, most: m } = tolerance;
+        let found = format!(
+            "depth only, {case}: RMSE {rmse:.4} (accepted {r}); at most {most:.4} ({m}), at {place:.2} {value:.4} in place of \
+             {expected:.4}; {count} pixels"
+        );
         if count > 0.0 && rmse <= *r && most <= *m {
+            println!("{found}");
             return Ok(());
         }
-        Err(format!(
-            "depth only, {case}: RMSE {rmse:.4}, accepted {r}; at {place:.3} {value:.4} in place of {expected:.4}, \
-             accepted {m}; {count} pixels"
-        ))
+        Err(found)
     }
 }

@@ -19,7 +19,7 @@ const LADDER: [[u32; 3]; 9] = [
     [4, 16, 3],
     [4, 32, 2],
     [8, 32, 1],
-    [16, 64, 0],
+    [16, 64, 1],
 ];
 
 /// How deep surfaces are, in radii, and in the scene's radius where there is none. Of 1/16 to 4 what errs least in the

@@ -7,8 +7,8 @@
 //! one is given as a ratio to `balanced` in the same view too. Each row's `work` is the part of the cost that is the same
 //! on every machine: for splatting the surfel-pixel pairs that were evaluated.
 //!
-//! `depth_alone_rmse` is the best that a method could do which knows the depth buffer and nothing else: rays traced
-//! against the surface that the pixels themselves form.
+//! `depth_alone_rmse` is what exact rays find against the surface that the pixels themselves form, with nothing behind it.
+//! It bounds no method that guesses what is behind: horizons take all of it for solid, and are right where it is.
 //!
 //! Prints a table and writes the same rows to `target/bench/trade.json` and `target/bench/trade.csv` (in JSON, null is
 //! infinity), and pictures of means over scenes: `trade-radius.png` and `trade-unbounded.png`, a line a method, and

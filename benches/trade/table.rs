@@ -171,7 +171,10 @@ fn curves(rows: &[&Row], line: impl Fn(&Row) -> Option<String>) -> Vec<(String, 
 /// Of all settings those that none beats in time and error both.
 pub fn print_best(panel: &Panel) {
     println!("{}: mean RMSE, time of balanced", panel.title);
-    println!("  {:28} {:.4}", "depth alone, at best", panel.depth_alone);
+    println!(
+        "  {:29} {:.4}",
+        "rays against the depth buffer", panel.depth_alone
+    );
     for preset in &panel.presets {
         println!(
             "  preset {:21} {:.4} {:6.2}",
@@ -223,7 +226,10 @@ pub fn print_scenes(rows: &[&Row]) {
         for (line, row) in best {
             let _ = write!(text, ", {line} {:.4} ({:.2})", row.rmse, row.ms_of_balanced);
         }
-        println!("{text}, bound {:.4}", balanced.depth_alone_rmse);
+        println!(
+            "{text}, rays against the depth buffer {:.4}",
+            balanced.depth_alone_rmse
+        );
     }
 }
 
