@@ -1,4 +1,4 @@
-//! Error over time, log-log: a panel a radius, a curve a knob, the presets marked.
+//! Error over time, log-log: a panel a radius, a curve a method or a knob, the presets marked.
 
 use std::{ops::Range, path::Path};
 
@@ -11,7 +11,8 @@ use plotters::{
 
 use super::canvas::Canvas;
 
-const SIZE: (u32, u32) = (1500, 720);
+/// Of a panel.
+const SIZE: (u32, u32) = (750, 720);
 
 /// A colour a curve, told apart in grey too (after Okabe and Ito, 2008).
 const COLORS: [RGBColor; 7] = [
@@ -39,13 +40,13 @@ pub struct Panel {
     pub title: String,
     pub curves: Vec<(String, Vec<Point>)>,
     pub presets: Vec<Point>,
-    /// RMSE of what the depth buffer alone can know.
+    /// RMSE of exact rays against the surface that the depth buffer holds, nothing behind it.
     pub depth_alone: f64,
 }
 
 /// Draws the panels side by side and writes a PNG.
 pub fn write(path: &Path, panels: &[Panel]) -> Result<(), String> {
-    let mut picture = RgbImage::from_pixel(SIZE.0, SIZE.1, Rgb([255; 3]));
+    let mut picture = RgbImage::from_pixel(SIZE.0 * panels.len() as u32, SIZE.1, Rgb([255; 3]));
     draw(&mut picture, panels).map_err(|e| format!("{}: {e}", path.display()))?;
     picture
         .save(path)
@@ -119,7 +120,7 @@ fn draw(picture: &mut RgbImage, panels: &[Panel]) -> Result<(), Box<dyn std::err
             BLACK.mix(0.5),
         )])?;
         chart.draw_series([Text::new(
-            "depth buffer alone, at best",
+            "rays traced against the depth buffer",
             (times.start * 1.05, level),
             text.clone().pos(Pos::new(HPos::Left, VPos::Bottom)),
         )])?;

@@ -1,0 +1,159 @@
+//! Error against time of ambient occlusion, method by method and a knob at a time: `cargo bench --bench trade`.
+//!
+//! Renders one view of each of the crate's scenes, within the scene's radius and without one: by splatting with the
+//! preset `balanced`, with one setting after the other turned away from it, and by what a depth buffer alone allows, with
+//! ever more slices and taps. Errors are against rays traced through the same pixels, with the rays' own noise taken
+//! out. Times are wall clock, a submission a pass, the fastest of a few runs; they count only beside each other, so every
+//! one is given as a ratio to `balanced` in the same view too. Each row's `work` is the part of the cost that is the same
+//! on every machine: for splatting the surfel-pixel pairs that were evaluated.
+//!
+//! `depth_alone_rmse` is what exact rays find against the surface that the pixels themselves form, with nothing behind it.
+//! It bounds no method that guesses what is behind: horizons take all of it for solid, and are right where it is.
+//!
+//! Prints a table and writes the same rows to `target/bench/trade.json` and `target/bench/trade.csv` (in JSON, null is
+//! infinity), and pictures of means over scenes: `trade-radius.png` and `trade-unbounded.png`, a line a method, and
+//! `trade.png`, a line a knob of the splatter.
+
+#[path = "../support/canvas.rs"]
+mod canvas;
+#[path = "../support/chart.rs"]
+mod chart;
+mod checks;
+#[path = "../support/depth_only/mod.rs"]
+mod depth_only;
+mod horizon;
+mod method;
+mod splat;
+mod stage;
+#[path = "../../examples/support/mod.rs"]
+mod support;
+mod table;
+
+use std::{path::Path, process::ExitCode};
+
+use clap::Parser;
+use deep_screen_space::scenes;
+use horizon::Horizon;
+use method::{Measurement, Method};
+use splat::Splat;
+use stage::{Effort, Stage};
+use support::gpu::{Ask, Gpu};
+use table::Row;
+
+/// Error against time of ambient occlusion, method by method and a knob at a time.
+#[derive(Parser)]
+#[command(about)]
+struct Options {
+    /// Two scenes, small pictures, fewer rays and one run a setting: to see that it works.
+    #[arg(long)]
+    quick: bool,
+    /// One of the crate's scenes in place of all.
+    #[arg(long)]
+    scene: Option<String>,
+    /// All combinations of surfel radius, epsilon and levels too, and which of them no other beats. Takes long.
+    #[arg(long)]
+    grid: bool,
+    /// What cargo adds; without a meaning here.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+fn main() -> ExitCode {
+    match run(&Options::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(problem) => {
+            eprintln!("trade: {problem}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(options: &Options) -> Result<(), String> {
+    let effort = if options.quick {
+        Effort {
+            size: [144, 96],
+            rays: 16,
+            runs: 1,
+        }
+    } else {
+        Effort {
+            size: [256, 160],
+            rays: 32,
+            runs: 2,
+        }
+    };
+    let scenes = match &options.scene {
+        Some(name) => {
+            vec![scenes::by_name(name).ok_or_else(|| format!("there is no scene {name}"))?]
+        }
+        None if options.quick => ["cornell", "dominoes"]
+            .iter()
+            .filter_map(|n| scenes::by_name(n))
+            .collect(),
+        None => scenes::all(),
+    };
+    let gpu = Gpu::open(Ask::from_env())?;
+    checks::run(&gpu)?;
+    let [width, height] = effort.size;
+    let rays = effort.rays;
+    println!(
+        "{}, {width}x{height} pixels, {rays} rays a pixel\n",
+        gpu.name()
+    );
+    Row::print_header();
+    let mut rows = Vec::new();
+    for scene in &scenes {
+        let stage = Stage::new(&gpu, &effort, scene)?;
+        let mut splat = Splat::new(&stage)?;
+        let mut horizon = Horizon::new(&stage);
+        for radius in [scene.ao_radius, f32::INFINITY] {
+            let mut measurement = Measurement {
+                stage: &stage,
+                radius,
+                truth: stage.truth(radius)?,
+                grid: options.grid,
+                unit_ms: None,
+                rows: &mut rows,
+            };
+            // All times are relative to the first.
+            measurement.of(&mut splat)?;
+            measurement.of(&mut horizon)?;
+        }
+    }
+    report(&rows)
+}
+
+/// Writes the files, and prints what no other setting beats.
+fn report(rows: &[Row]) -> Result<(), String> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/bench");
+    std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    let json = serde_json::to_string_pretty(rows).map_err(|e| e.to_string())?;
+    save(&folder.join("trade.json"), &json)?;
+    save(&folder.join("trade.csv"), &table::csv(rows)?)?;
+    let mut knobs = Vec::new();
+    for (title, name, bounded) in [
+        ("occluders within each scene's radius", "radius", true),
+        ("occluders at any distance", "unbounded", false),
+    ] {
+        let belongs = |r: &&Row| r.ao_radius.is_finite() == bounded;
+        let rows: Vec<&Row> = rows.iter().filter(belongs).collect();
+        let methods = table::method_panel(title, &rows);
+        println!();
+        table::print_best(&methods);
+        table::print_scenes(&rows);
+        let path = folder.join(format!("trade-{name}.png"));
+        chart::write(&path, &[methods])?;
+        println!("{}", path.display());
+        let panel = table::knob_panel(title, &rows, Splat::NAME);
+        println!("\nsplat alone");
+        table::print_best(&panel);
+        knobs.push(panel);
+    }
+    chart::write(&folder.join("trade.png"), &knobs)?;
+    println!("{}", folder.join("trade.png").display());
+    Ok(())
+}
+
+fn save(path: &Path, text: &str) -> Result<(), String> {
+    std::fs::write(path, text).map_err(|e| format!("{}: {e}", path.display()))
+}
