@@ -5,10 +5,14 @@ use std::mem::offset_of;
 use crate::{
     AmbientOcclusion, Channels, Effect, Material, Piece, SurfelCounts, SurfelRadiance,
     SurfelSource,
+    bounced_z_buffer::params::BouncedParams,
     camera::CameraParams,
+    gpu::sort::SortParams,
+    hit_reconstructor::params::HitReconstructorParams,
     light::LightParams,
     receivers::ReceiversParams,
     reconstructor::params::ReconstructorParams,
+    sender_bounds::SenderBoundsParams,
     shaders,
     shell_splatter::params::SplatParams,
     surfel_shader::params::{ShadowCameraParams, ShadowParams, SurfelShaderParams},
@@ -126,7 +130,7 @@ fn structs_match_the_shaders() {
     let shaded = |name: &str, fields: &[(&str, usize)], size: usize| {
         check(&ao, "surfel_shader shadow map samples", name, fields, size);
     };
-    let params = fields!(SurfelShaderParams: light, first, splits);
+    let params = fields!(SurfelShaderParams: light, first, splits, piece_capacity);
     shaded("Params", &params, size_of::<SurfelShaderParams>());
     let light = fields!(LightParams: position, kind, direction, outer, color, sharpness);
     shaded("Light", &light, size_of::<LightParams>());
@@ -136,6 +140,38 @@ fn structs_match_the_shaders() {
     shaded("Shadow", &shadow, size_of::<ShadowParams>());
     let radiance = fields!(SurfelRadiance: front, back);
     shaded("SurfelRadiance", &radiance, size_of::<SurfelRadiance>());
+    let bounced = fields!(BouncedParams: size, columns, rows, frame, words, piece_capacity, surfel_capacity, background,
+        world_radius);
+    let hits = fields!(HitReconstructorParams: camera, columns, rows, frame, words, radius, plane_distance,
+        normal_power, deviations);
+    for payload in ["occlusion", "radiance"] {
+        check(
+            &ao,
+            &format!("bounced_z_buffer {payload}"),
+            "Params",
+            &bounced,
+            size_of::<BouncedParams>(),
+        );
+        check(
+            &ao,
+            &format!("hit_reconstructor {payload} average"),
+            "Params",
+            &hits,
+            size_of::<HitReconstructorParams>(),
+        );
+    }
+    let bounds = fields!(SenderBoundsParams: depth, capacity, perspective);
+    for stage in ["plan", "build"] {
+        check(
+            &ao,
+            &format!("sender_bounds {stage}"),
+            "Params",
+            &bounds,
+            size_of::<SenderBoundsParams>(),
+        );
+    }
+    let sort = fields!(SortParams: shift, blocks);
+    check(&ao, "sort", "Params", &sort, size_of::<SortParams>());
     let temporal = fields!(TemporalParams: previous, project, viewport, motion_scale, max_frames, depth_tolerance,
         normal_tolerance, deviations, still, forget);
     for shader in ["temporal_accumulator", "temporal_accumulator show"] {

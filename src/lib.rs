@@ -91,6 +91,7 @@ mod error;
 mod gbuffer;
 mod geometry;
 mod gpu;
+mod hit_reconstructor;
 #[cfg(test)]
 mod layout;
 mod light;
@@ -109,7 +110,7 @@ mod surfelizer;
 mod temporal_accumulator;
 
 pub use bounced_z_buffer::{
-    BouncedDescriptor, BouncedInput, BouncedView, BouncedZBuffer,
+    BouncedDescriptor, BouncedInput, BouncedView, BouncedZBuffer, Payload,
     settings::{BouncedSettings, Sampling},
 };
 pub use camera::{Camera, Footprint, Viewport};
@@ -122,6 +123,10 @@ pub use geometry::{
     Vertices,
 };
 pub use gpu::Timestamps;
+pub use hit_reconstructor::{
+    HitReconstructor, HitReconstructorDescriptor, HitReconstructorInput, HitReconstructorView,
+    settings::HitReconstructorSettings,
+};
 pub use light::Light;
 pub use reconstructor::{
     Reconstructor, ReconstructorInput, ReconstructorView, settings::ReconstructorSettings,

@@ -1,13 +1,16 @@
 //! Every WGSL module of the crate as it goes to the device.
 
 use crate::{
+    bounced_z_buffer::{self, BouncedDescriptor, Payload, settings::Sampling},
     effect::Effect,
     error::Error,
-    gpu::{scan, shader::assemble},
+    gpu::{scan, shader::assemble, sort},
+    hit_reconstructor::{self, HitReconstructorDescriptor, HitStage},
     receivers,
     reconstructor::{self, ReconstructorVariant},
+    sender_bounds,
     shell_splatter::{self, SplatVariant},
-    surfel_shader::{self, ShadeVariant},
+    surfel_shader::{self, ShadeVariant, ShadowKind},
     surfelizer,
     temporal_accumulator::{self, TemporalVariant},
 };
@@ -36,6 +39,7 @@ pub fn shaders(effect: &Effect) -> Result<Vec<Shader>, Error> {
         features,
     };
     let mut all = vec![
+        shader("sort", assemble("sort", sort::SOURCE, &[], &[])?, none),
         shader("scan", assemble("scan", scan::SOURCE, &[], &[])?, none),
         shader(
             "surfelizer",
@@ -81,18 +85,49 @@ pub fn shaders(effect: &Effect) -> Result<Vec<Shader>, Error> {
             ));
         }
     }
-    for shadow_map in [false, true] {
+    for (shadow, shadow_name) in [
+        (ShadowKind::None, ""),
+        (ShadowKind::Map, " shadow map"),
+        (ShadowKind::Traced, " shadow traced"),
+    ] {
         for samples in [false, true] {
-            let name = format!(
-                "surfel_shader{}{}",
-                if shadow_map { " shadow map" } else { "" },
-                if samples { " samples" } else { "" }
-            );
-            let variant = ShadeVariant {
-                shadow_map,
-                samples,
-            };
+            let samples_name = if samples { " samples" } else { "" };
+            let name = format!("surfel_shader{shadow_name}{samples_name}");
+            let variant = ShadeVariant { shadow, samples };
             all.push(shader(&name, surfel_shader::source(variant)?, none));
+        }
+    }
+    for (plan, name) in [(true, "sender_bounds plan"), (false, "sender_bounds build")] {
+        all.push(shader(name, sender_bounds::source(plan)?, none));
+    }
+    for (payload, payload_name) in [
+        (Payload::Occlusion, "occlusion"),
+        (Payload::Radiance, "radiance"),
+    ] {
+        for statistics in [false, true] {
+            let descriptor = BouncedDescriptor {
+                payload,
+                statistics,
+                ..Default::default()
+            };
+            let statistics_name = if statistics { " statistics" } else { "" };
+            let name = format!("bounced_z_buffer {payload_name}{statistics_name}");
+            all.push(shader(&name, bounced_z_buffer::source(&descriptor)?, none));
+        }
+        for (deferred, stage, stage_name) in [
+            (false, HitStage::Average, "average"),
+            (false, HitStage::Reconstruct, "reconstruct"),
+            (true, HitStage::Reconstruct, "reconstruct deferred"),
+        ] {
+            let descriptor = HitReconstructorDescriptor {
+                payload,
+                sampling: Sampling::default(),
+                deferred,
+                target: wgpu::TextureFormat::Rgba16Float,
+            };
+            let name = format!("hit_reconstructor {payload_name} {stage_name}");
+            let source = hit_reconstructor::source(&descriptor, stage)?;
+            all.push(shader(&name, source, none));
         }
     }
     for smoothed in [false, true] {

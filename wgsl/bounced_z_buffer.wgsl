@@ -1,10 +1,13 @@
-// BouncedZBuffer: what each pixel of the G-buffer sees along N directions of its own (The Bounced Z-buffer 3 and 4.2).
+// BouncedZBuffer: what each pixel of the G-buffer meets first along N directions of its own (The Bounced Z-buffer 3 and
+// 4.2).
 //
 //   trace   a thread a pixel and direction, a workgroup 8x8 pixels
 //
-// The paper splats senders onto pixels and keeps the nearest hit of each pixel's direction. Here a pixel gathers: it
-// walks over the bounds of runs of senders and skips what its ray misses (wgsl/common/walk.wgsl), so that a nearest hit
-// takes tens of tests in place of all senders within their splats' reach.
+// The paper splats senders onto pixels and keeps the nearest hit of each pixel's direction. Here a pixel gathers: its ray
+// walks over the bounds of runs of senders and skips what it misses (wgsl/common/walk.wgsl), so that a nearest hit takes
+// tens of tests in place of all senders within their splats' reach, and none is out of reach.
+//
+// Without #if RADIANCE a hit is a bit; with it, the radiance that the surfel at the hit sends.
 
 #import math
 #import packing
@@ -12,26 +15,24 @@
 #import receiver
 #import surfel
 #import rooms
+#import triangle
 #import directions
 
 alias Counter = u32;
 
 struct Params {
   size: vec2u,
-  directions: u32,
   columns: u32,
   rows: u32,
   frame: u32,
-  piece_capacity: u32,
-  surfel_capacity: u32,
-  // Farther hits do not count, world units.
-  world_radius: f32,
   // Words of bits a pixel.
   words: u32,
-  padding: vec2u,
+  piece_capacity: u32,
+  surfel_capacity: u32,
   // Radiance where nothing is hit.
   background: vec3f,
-  padding2: u32,
+  // Farther hits do not count, world units.
+  world_radius: f32,
 }
 
 override SAMPLING: u32 = 0u;
@@ -42,19 +43,40 @@ override SAMPLING: u32 = 0u;
 @group(0) @binding(3) var leaves: texture_2d<f32>;
 @group(0) @binding(4) var receivers: texture_2d<u32>;
 #if RADIANCE
+// Packed colours, a layer a direction.
 @group(0) @binding(5) var hits: texture_storage_2d_array<r32uint, write>;
 @group(0) @binding(6) var<storage, read> radiance: array<SurfelRadiance>;
-@group(0) @binding(7) var<storage, read> piece_offsets: array<u32>;
+// First surfel of each piece.
+@group(0) @binding(7) var<storage, read> surfel_offsets: array<u32>;
+@group(0) @binding(8) var<storage, read> pieces: array<Piece>;
+// Pairs of a key and a piece, in the order that the leaves have.
+@group(0) @binding(9) var<storage, read> order: array<vec2u>;
 #else
 // Bits of the directions that hit something.
 @group(0) @binding(5) var<storage, read_write> hits: array<atomic<u32>>;
 #endif
 #if STATISTICS
-// Rays, nodes tested, senders tested, rays that hit.
-@group(0) @binding(8) var<storage, read_write> statistics: array<atomic<u32>, 4>;
+// Rays, nodes and leaves that they were tested against, and rays that hit.
+@group(0) @binding(10) var<storage, read_write> statistics: array<atomic<u32>, 4>;
 #endif
 
 #import walk
+
+#if RADIANCE
+fn incoming(ray: Ray, hit: Hit) -> vec3f {
+  if hit.sender == NO_SENDER {
+    return params.background;
+  }
+  let index = order[hit.sender].y;
+  let piece = pieces[index];
+  let t = Triangle(piece.a, piece.b, piece.c);
+  let leaf = leaf_at(t, ray.origin + ray.direction * hit.t, piece.shape & SHAPE_ORDER);
+  let surfel = nearest_room(surfel_offsets[index] + leaf, counters.surfels, params.surfel_capacity);
+  let sent = radiance[surfel];
+  let facing = dot(cross(t.b - t.a, t.c - t.a), ray.direction) < 0.0;
+  return select(sent.back, sent.front, facing);
+}
+#endif
 
 @compute @workgroup_size(8, 8)
 fn trace(@builtin(global_invocation_id) id: vec3u) {
@@ -70,13 +92,17 @@ fn trace(@builtin(global_invocation_id) id: vec3u) {
   let normal = unpack_normal(texel.w);
   let point = cell_point(pixel, id.z, params.columns, params.rows, params.frame);
   let drawn = hemisphere_direction(point, normal, SAMPLING);
-  let lift = 4.0 * POSITION_TOLERANCE * max_component(abs(position));
-  let ray = make_ray(position + normal * lift, drawn.direction);
+  let ray = make_ray(off_surface(position, normal), drawn.direction);
   let count = rooms_taken(counters.pieces, params.piece_capacity);
+#if RADIANCE
+  let hit = walk(ray, count, params.piece_capacity, params.world_radius, false);
+  textureStore(hits, pixel, id.z, vec4u(pack_color(incoming(ray, hit)), 0u, 0u, 0u));
+#else
   let hit = walk(ray, count, params.piece_capacity, params.world_radius, true);
   if hit.sender != NO_SENDER {
     atomicOr(&hits[(pixel.y * params.size.x + pixel.x) * params.words + id.z / 32u], 1u << (id.z & 31u));
   }
+#endif
 #if STATISTICS
   atomicAdd(&statistics[0], 1u);
   atomicAdd(&statistics[1], nodes_tested);

@@ -5,11 +5,12 @@
 //
 // Surfaces are Lambertian and two-sided. A light is on one side of a surfel's plane, and lights that side alone.
 //
-// Variants: SHADOW_MAP looks shadows up in the caller's depth maps; SAMPLES lights a surfel at several points of its own
+// Variants: SHADOW_MAP looks shadows up in the caller's depth maps, SHADOW_TRACED along a ray; SAMPLES lights a surfel at several points of its own
 // triangle, so that the edge of a shadow that crosses it is averaged.
 
 #import math
 #import packing
+#import hashing
 #import dispatch
 #import surfel
 #import light
@@ -26,8 +27,9 @@ struct Params {
   first: u32,
   // A surfel's triangle is bisected so often: 2^splits points.
   splits: u32,
-  padding0: u32,
-  padding1: u32,
+  // Pieces that the cloud has room for.
+  piece_capacity: u32,
+  padding: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -119,9 +121,25 @@ fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {
   return select(1.0, 0.0, select(forward, reversed, shadow.cameras[seen.layer].far_depth == 0.0));
 }
 #else
+#if SHADOW_TRACED
+@group(0) @binding(9) var nodes: texture_2d<f32>;
+@group(0) @binding(10) var leaves: texture_2d<f32>;
+
+#import rooms
+#import walk
+
+fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {
+  let ray = make_ray(off_surface(point, side), arrival.to_light);
+  let count = rooms_taken(counters.pieces, params.piece_capacity);
+  // What the light itself lies on casts no shadow.
+  let hit = walk(ray, count, params.piece_capacity, arrival.distance * (1.0 - 1e-5), true);
+  return select(0.0, 1.0, hit.sender == NO_SENDER);
+}
+#else
 fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {
   return 1.0;
 }
+#endif
 #endif
 
 @compute @workgroup_size(64)

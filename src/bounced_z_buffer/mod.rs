@@ -1,10 +1,11 @@
-//! What each pixel sees along directions of its own (The Bounced Z-buffer 3, 4.2; `wgsl/bounced_z_buffer.wgsl`).
+//! What each pixel meets first along directions of its own (The Bounced Z-buffer 3, 4.2; `wgsl/bounced_z_buffer.wgsl`).
 
 pub(crate) mod params;
 pub(crate) mod settings;
 
 use wgpu::{
-    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache, ShaderStages,
+    BindGroupLayout, BindingType, Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device,
+    PipelineCache, ShaderStages, TextureFormat, TextureView, TextureViewDimension,
 };
 
 use self::{
@@ -17,48 +18,84 @@ use crate::{
     gbuffer::GBuffer,
     gpu::{
         Kernel, Timestamps,
-        binding::{self, READ, UINT_2D, UNIFORM, WRITE, whole},
+        binding::{self, FLOAT_2D, READ, UINT_2D, UNIFORM, WRITE, view, whole},
         check_timestamps, compute_pass, shader, storage, uniform,
     },
-    receivers::{Receivers, ReceiversPass, plane_bytes},
+    receivers::{Receivers, ReceiversPass, plane, plane_bytes},
     sender_bounds::{SenderBounds, SenderBoundsPass},
-    surfel::SurfelCloud,
+    surfel::{SurfelCloud, SurfelRadiance},
+    surfelizer::settings::Placement,
 };
 
 pub(crate) const SOURCE: &str = include_str!("../../wgsl/bounced_z_buffer.wgsl");
 
 const LABEL: &str = "deep-screen-space bounced z-buffer";
 
-/// Finds what each pixel sees along its own directions. Holds pipelines only; one serves any number of views.
+/// Finds what each pixel meets first along directions of its own: exactly, whether it is hidden, off screen or edge-on,
+/// among the triangles that a cloud was made of. What lies behind a hit does not count, so that light neither passes
+/// through surfaces nor is blocked twice.
+///
+/// Holds pipelines only; one serves any number of clouds and views.
 #[derive(Debug)]
 pub struct BouncedZBuffer {
     descriptor: BouncedDescriptor,
-    layout: wgpu::BindGroupLayout,
+    layout: BindGroupLayout,
     trace: ComputePipeline,
     bounds: SenderBoundsPass,
     receivers: ReceiversPass,
 }
 
+/// What is kept of a hit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Payload {
+    /// That there is one: a bit a direction. A ray ends at the first hit that it finds, the nearest or not.
+    #[default]
+    Occlusion,
+    /// The radiance that its surfel sends towards the pixel: four bytes a direction.
+    Radiance,
+}
+
 /// What a [`BouncedZBuffer`] is compiled for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BouncedDescriptor {
+    /// What is kept of a hit.
+    pub payload: Payload,
     /// How directions are drawn.
     pub sampling: Sampling,
     /// Whether to count into [`BouncedView::statistics`]. Slower; for measuring.
     pub statistics: bool,
 }
 
+impl BouncedDescriptor {
+    pub(crate) fn flags(&self) -> Vec<&'static str> {
+        let mut flags = Vec::new();
+        flags.extend((self.payload == Payload::Radiance).then_some("RADIANCE"));
+        flags.extend(self.statistics.then_some("STATISTICS"));
+        flags
+    }
+}
+
+/// Hits of all pixels and directions.
+#[derive(Debug)]
+pub(crate) enum Hits {
+    /// `directions / 32` words of bits a pixel, rows from the top.
+    Bits(Buffer),
+    /// A packed colour, a layer a direction.
+    Colors(TextureView),
+}
+
 /// One view's receivers and hits.
 #[derive(Debug)]
 pub struct BouncedView {
     pub(crate) receivers: Receivers,
-    pub(crate) hits: Buffer,
+    pub(crate) hits: Hits,
+    pub(crate) descriptor: BouncedDescriptor,
     directions: u32,
     statistics: Option<Buffer>,
 }
 
 impl BouncedView {
-    /// Width and height in pixels.
+    /// Width and height in pixels: that of the cameras' viewports.
     pub fn size(&self) -> [u32; 2] {
         self.receivers.size
     }
@@ -68,21 +105,41 @@ impl BouncedView {
         self.directions
     }
 
-    /// The hits.
-    pub fn hits(&self) -> &Buffer {
-        &self.hits
+    /// With [`Payload::Occlusion`] the hits: for each pixel, rows from the top, as many words as the recording's
+    /// directions fill, 32 each; bit i of them is set where direction i was blocked (usages `STORAGE | COPY_SRC`).
+    pub fn blocked(&self) -> Option<&Buffer> {
+        match &self.hits {
+            Hits::Bits(buffer) => Some(buffer),
+            Hits::Colors(_) => None,
+        }
     }
 
-    /// What the last recording counted, where it was made to: four `u32`, namely rays, nodes and senders tested, and
-    /// rays that hit (usage `COPY_SRC`).
+    /// With [`Payload::Radiance`] the hits: an `R32Uint` array texture with a layer a direction, of what arrives along
+    /// it: 8 bits each of red, green and blue times 2^(e − 136), e being the highest 8 bits; 0 where nothing does (usages
+    /// `TEXTURE_BINDING | COPY_SRC`).
+    pub fn radiance(&self) -> Option<&TextureView> {
+        match &self.hits {
+            Hits::Bits(_) => None,
+            Hits::Colors(view) => Some(view),
+        }
+    }
+
+    /// What the last recording counted, where the descriptor asked for it: four `u32`, namely rays, nodes of bounds and
+    /// runs of four triangles that they were tested against, and rays that hit (usage `COPY_SRC`).
     pub fn statistics(&self) -> Option<&Buffer> {
         self.statistics.as_ref()
     }
 
     /// GPU memory that it owns, bytes.
     pub fn memory_bytes(&self) -> u64 {
-        plane_bytes(wgpu::TextureFormat::Rgba32Uint, self.size(), 1)
-            + self.hits.size()
+        let hits = match &self.hits {
+            Hits::Bits(buffer) => buffer.size(),
+            Hits::Colors(_) => {
+                plane_bytes(TextureFormat::R32Uint, self.size(), self.directions.max(1))
+            }
+        };
+        plane_bytes(TextureFormat::Rgba32Uint, self.size(), 1)
+            + hits
             + self.statistics.as_ref().map_or(0, Buffer::size)
     }
 }
@@ -92,21 +149,25 @@ impl BouncedView {
 pub struct BouncedInput<'a> {
     /// The caller's G-buffer.
     pub gbuffer: GBuffer<'a>,
-    /// The camera that the G-buffer was drawn with; it may be another than the cloud's.
+    /// The camera that the G-buffer was drawn with; it may be another than the cloud's (stereo, split screen).
     pub camera: &'a Camera,
-    /// The senders.
+    /// The senders: a cloud's pieces. Recorded with [`SurfelizerSettings::density`](crate::SurfelizerSettings::density)
+    /// at infinity they are the caller's triangles, and hits are exact.
     pub cloud: &'a SurfelCloud,
     /// Their bounds, recorded since the cloud was.
     pub bounds: &'a SenderBounds,
+    /// With [`Payload::Radiance`] a storage buffer of a [`SurfelRadiance`] for each surfel of the cloud, as the
+    /// [`SurfelShader`](crate::SurfelShader) or the caller fills it.
+    pub radiance: Option<&'a Buffer>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
 
 impl BouncedZBuffer {
-    /// Compiles the pipelines.
+    /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`.
     ///
     /// # Errors
-    /// None yet.
+    /// [`Error::Limit`] where the device was made with less than that.
     pub fn new(
         device: &Device,
         descriptor: &BouncedDescriptor,
@@ -115,19 +176,23 @@ impl BouncedZBuffer {
         let mut entries = vec![
             (0, UNIFORM),
             (1, READ),
-            (2, binding::FLOAT_2D),
-            (3, binding::FLOAT_2D),
+            (2, FLOAT_2D),
+            (3, FLOAT_2D),
             (4, UINT_2D),
-            (5, WRITE),
         ];
-        entries.extend(descriptor.statistics.then_some((8, WRITE)));
+        match descriptor.payload {
+            Payload::Occlusion => entries.push((5, WRITE)),
+            Payload::Radiance => entries.extend([
+                (5, store_colors()),
+                (6, READ),
+                (7, READ),
+                (8, READ),
+                (9, READ),
+            ]),
+        }
+        entries.extend(descriptor.statistics.then_some((10, WRITE)));
         let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
-        let flags: &[&str] = if descriptor.statistics { &["STATISTICS"] } else { &[] };
-        let module = shader::create(
-            device,
-            LABEL,
-            shader::assemble("bounced_z_buffer", SOURCE, flags, &[])?,
-        );
+        let module = shader::create(device, LABEL, source(descriptor)?);
         let trace = Kernel {
             label: LABEL,
             module: &module,
@@ -146,18 +211,22 @@ impl BouncedZBuffer {
         })
     }
 
-    /// Room for the bounds of a cloud's senders.
+    /// Room for the bounds of a cloud's pieces.
     ///
     /// # Errors
-    /// [`Error::Limit`] where the device cannot bind as much.
-    pub fn create_bounds(&self, device: &Device, cloud: &SurfelCloud) -> Result<SenderBounds, Error> {
+    /// [`Error::Limit`] where the device cannot hold or bind as much.
+    pub fn create_bounds(
+        &self,
+        device: &Device,
+        cloud: &SurfelCloud,
+    ) -> Result<SenderBounds, Error> {
         self.bounds.create(device, cloud)
     }
 
-    /// Room for a view.
+    /// Room for a view of `width` × `height` pixels with up to `directions` directions each.
     ///
     /// # Errors
-    /// [`Error::Setting`] or [`Error::Limit`].
+    /// [`Error::Setting`] for directions or a size out of range, [`Error::Limit`] for more than the device can hold.
     pub fn create_view(
         &self,
         device: &Device,
@@ -165,34 +234,51 @@ impl BouncedZBuffer {
         height: u32,
         directions: u32,
     ) -> Result<BouncedView, Error> {
-        check_setting(directions <= MAX_DIRECTIONS, "directions", directions, "0 to 64")?;
+        check_setting(
+            directions <= MAX_DIRECTIONS,
+            "directions",
+            directions,
+            "0 to 64",
+        )?;
         let size = [width, height];
-        let words = u64::from(directions.div_ceil(32));
-        Ok(BouncedView {
-            receivers: Receivers::new(device, size)?,
-            hits: storage(
+        let receivers = Receivers::new(device, size)?;
+        let usage = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+        let hits = match self.descriptor.payload {
+            Payload::Occlusion => Hits::Bits(storage(
                 device,
                 "deep-screen-space hits",
-                4 * words * u64::from(width) * u64::from(height),
-                BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
-            )?,
+                4 * u64::from(words(directions)) * u64::from(width) * u64::from(height),
+                usage,
+            )?),
+            Payload::Radiance => {
+                let texture = plane(
+                    device,
+                    "deep-screen-space hits",
+                    TextureFormat::R32Uint,
+                    size,
+                    directions.max(1),
+                )?;
+                Hits::Colors(texture.create_view(&wgpu::TextureViewDescriptor {
+                    dimension: Some(TextureViewDimension::D2Array),
+                    ..Default::default()
+                }))
+            }
+        };
+        let statistics = self
+            .descriptor
+            .statistics
+            .then(|| storage(device, "deep-screen-space hit statistics", 16, usage))
+            .transpose()?;
+        Ok(BouncedView {
+            receivers,
+            hits,
+            descriptor: self.descriptor,
             directions,
-            statistics: self
-                .descriptor
-                .statistics
-                .then(|| {
-                    storage(
-                        device,
-                        "deep-screen-space hit statistics",
-                        16,
-                        BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
-                    )
-                })
-                .transpose()?,
+            statistics,
         })
     }
 
-    /// Records the bounds of a cloud's senders, after the recording that makes the cloud.
+    /// Records the bounds of a cloud's pieces, after the recording that makes the cloud and before those that trace it.
     ///
     /// # Errors
     /// [`Error::Mismatch`] where the bounds were made for another cloud's capacity.
@@ -205,14 +291,19 @@ impl BouncedZBuffer {
         timestamps: Option<Timestamps<'_>>,
     ) -> Result<(), Error> {
         check_timestamps(timestamps)?;
-        self.bounds.record(device, encoder, cloud, bounds, timestamps);
+        bounds.check(cloud)?;
+        self.bounds
+            .record(device, encoder, cloud, bounds, timestamps);
         Ok(())
     }
 
     /// Records the tracing of a view's directions.
     ///
     /// # Errors
-    /// What [`GBuffer::validate`] and [`BouncedSettings::validate`] find.
+    /// What [`GBuffer::validate`] and [`BouncedSettings::validate`] find; [`Error::Mismatch`] where the view was made for
+    /// another payload or size or for fewer directions, or the bounds for another cloud; [`Error::Buffer`] for radiance
+    /// that is missing or too small; [`Error::Setting`] where radiance is asked for and the surfels are not leaves of
+    /// their pieces ([`Placement::Grid`] and [`Placement::Random`]).
     pub fn record(
         &self,
         device: &Device,
@@ -225,45 +316,130 @@ impl BouncedZBuffer {
         check_timestamps(input.timestamps)?;
         let viewport = input.camera.viewport();
         input.gbuffer.validate(viewport)?;
-        encoder.clear_buffer(&view.hits, 0, None);
+        input.bounds.check(input.cloud)?;
+        self.check_view([viewport.width, viewport.height], settings, view)?;
+        let radiance = self.check_radiance(input)?;
+
         if let Some(statistics) = &view.statistics {
             encoder.clear_buffer(statistics, 0, None);
         }
+        if let Hits::Bits(buffer) = &view.hits {
+            encoder.clear_buffer(buffer, 0, None);
+        }
+        let cloud = input.cloud;
         self.receivers.record(
             device,
             encoder,
             &input.gbuffer,
             input.camera,
-            input.cloud.origin(),
+            cloud.origin(),
             &view.receivers,
         );
-        let words = settings.directions.div_ceil(32);
         let params = uniform(
             device,
             LABEL,
-            &BouncedParams::new(settings, view.size(), words, input.cloud.capacity),
+            &BouncedParams::new(settings, view.size(), cloud.capacity),
         );
-        let nv = input.bounds.node_texture.create_view(&Default::default());
-        let lv = input.bounds.leaf_texture.create_view(&Default::default());
         let mut resources = vec![
             (0, whole(&params)),
-            (1, whole(&input.cloud.counters)),
-            (2, binding::view(&nv)),
-            (3, binding::view(&lv)),
+            (1, whole(&cloud.counters)),
+            (2, binding::view(&input.bounds.nodes)),
+            (3, binding::view(&input.bounds.leaves)),
             (4, binding::view(&view.receivers.view)),
-            (5, whole(&view.hits)),
         ];
+        match &view.hits {
+            Hits::Bits(buffer) => resources.push((5, whole(buffer))),
+            Hits::Colors(colors) => resources.push((5, binding::view(colors))),
+        }
+        if let Some(radiance) = radiance {
+            resources.extend([
+                (6, whole(radiance)),
+                (7, whole(&cloud.piece_offsets.values)),
+                (8, whole(&cloud.pieces)),
+                (9, whole(&input.bounds.order.items)),
+            ]);
+        }
         if let Some(statistics) = &view.statistics {
-            resources.push((8, whole(statistics)));
+            resources.push((10, whole(statistics)));
         }
         let group = binding::group(device, LABEL, &self.layout, &resources);
         let mut pass = compute_pass(encoder, LABEL, input.timestamps);
         if settings.directions > 0 {
+            let [width, height] = view.size();
             pass.set_pipeline(&self.trace);
             pass.set_bind_group(0, &group, &[]);
-            let [w, h] = view.size();
-            pass.dispatch_workgroups(w.div_ceil(8), h.div_ceil(8), settings.directions);
+            pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), settings.directions);
         }
         Ok(())
     }
+
+    fn check_view(
+        &self,
+        size: [u32; 2],
+        settings: &BouncedSettings,
+        view: &BouncedView,
+    ) -> Result<(), Error> {
+        if view.size() != size
+            || view.directions < settings.directions
+            || view.descriptor != self.descriptor
+        {
+            return Err(Error::Mismatch {
+                name: "BouncedView",
+                found: format!(
+                    "{:?} pixels, {} directions, {:?}",
+                    view.size(),
+                    view.directions,
+                    view.descriptor
+                ),
+                needed: format!(
+                    "{size:?} pixels, {} directions, {:?}",
+                    settings.directions, self.descriptor
+                ),
+            });
+        }
+        Ok(())
+    }
+
+    fn check_radiance<'r>(&self, input: &BouncedInput<'r>) -> Result<Option<&'r Buffer>, Error> {
+        if self.descriptor.payload == Payload::Occlusion {
+            return Ok(None);
+        }
+        check_setting(
+            input.cloud.placement == Placement::Centroid,
+            "SurfelizerSettings::placement",
+            f64::from(input.cloud.placement.code()),
+            "Placement::Centroid, for payloads of radiance",
+        )?;
+        let needed = u64::from(input.cloud.capacity.surfels) * size_of::<SurfelRadiance>() as u64;
+        let problem = |found: String| Error::Buffer {
+            name: "BouncedInput::radiance",
+            found,
+            needed: format!("usage STORAGE and at least {needed} bytes"),
+        };
+        let buffer = input
+            .radiance
+            .ok_or_else(|| problem("not been given".into()))?;
+        if !buffer.usage().contains(BufferUsages::STORAGE) || buffer.size() < needed {
+            return Err(problem(format!(
+                "usage {:?}, {} bytes",
+                buffer.usage(),
+                buffer.size()
+            )));
+        }
+        Ok(Some(buffer))
+    }
+}
+
+/// Words of bits a pixel.
+pub(crate) fn words(directions: u32) -> u32 {
+    directions.div_ceil(32)
+}
+
+fn store_colors() -> BindingType {
+    binding::store(TextureFormat::R32Uint, TextureViewDimension::D2Array)
+}
+
+/// Assembles the module.
+pub(crate) fn source(descriptor: &BouncedDescriptor) -> Result<String, Error> {
+    shader::assemble("bounced_z_buffer", SOURCE, &descriptor.flags(), &[])
 }

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::settings::BouncedSettings;
+use super::{settings::BouncedSettings, words};
 use crate::surfel::CloudCapacity;
 
 /// Stands for infinity; its square is finite in f32.
@@ -12,35 +12,29 @@ const UNBOUNDED: f32 = 1e18;
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct BouncedParams {
     pub(crate) size: [u32; 2],
-    pub(crate) directions: u32,
     pub(crate) columns: u32,
     pub(crate) rows: u32,
     pub(crate) frame: u32,
+    pub(crate) words: u32,
     pub(crate) piece_capacity: u32,
     pub(crate) surfel_capacity: u32,
-    pub(crate) world_radius: f32,
-    pub(crate) words: u32,
-    pub(crate) padding: [u32; 2],
     pub(crate) background: [f32; 3],
-    pub(crate) padding2: u32,
+    pub(crate) world_radius: f32,
 }
 
 impl BouncedParams {
-    pub fn new(settings: &BouncedSettings, size: [u32; 2], words: u32, capacity: CloudCapacity) -> Self {
+    pub fn new(settings: &BouncedSettings, size: [u32; 2], capacity: CloudCapacity) -> Self {
         let [columns, rows] = grid(settings.directions);
         Self {
             size,
-            directions: settings.directions,
             columns,
             rows,
             frame: settings.frame,
+            words: words(settings.directions),
             piece_capacity: capacity.pieces,
             surfel_capacity: capacity.surfels,
+            background: settings.background,
             world_radius: settings.radius.min(UNBOUNDED),
-            words,
-            padding: [0; 2],
-            background: [0.0; 3],
-            padding2: 0,
         }
     }
 }
@@ -48,6 +42,9 @@ impl BouncedParams {
 /// Columns and rows of the grid of directions: the two factors that are nearest each other.
 pub(crate) fn grid(directions: u32) -> [u32; 2] {
     let n = directions.max(1);
-    let rows = (1..=n.isqrt()).rev().find(|r| n.is_multiple_of(*r)).unwrap_or(1);
+    let rows = (1..=n.isqrt())
+        .rev()
+        .find(|r| n.is_multiple_of(*r))
+        .unwrap_or(1);
     [n / rows, rows]
 }

@@ -35,6 +35,9 @@ pub struct BouncedSettings {
     /// Which part of the sequence of directions to take, 0…2²⁰. Successive numbers in successive frames give new
     /// directions that fill the gaps between the old ones. Default 0.
     pub frame: u32,
+    /// Radiance that comes from where nothing is hit, linear RGB, W/(m² sr), each 0…1e18; of use with
+    /// [`Payload::Radiance`](crate::Payload::Radiance) alone. Default black.
+    pub background: [f32; 3],
 }
 
 /// The most directions.
@@ -46,6 +49,7 @@ impl Default for BouncedSettings {
             directions: 16,
             radius: f32::INFINITY,
             frame: 0,
+            background: [0.0; 3],
         }
     }
 }
@@ -73,6 +77,15 @@ impl BouncedSettings {
             "BouncedSettings::frame",
             self.frame,
             "0 to 2^20",
-        )
+        )?;
+        for channel in self.background {
+            check_setting(
+                (0.0..=1e18).contains(&channel),
+                "BouncedSettings::background",
+                channel,
+                "0 to 1e18",
+            )?;
+        }
+        Ok(())
     }
 }

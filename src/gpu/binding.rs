@@ -45,6 +45,10 @@ pub(crate) const FLOAT_ARRAY: BindingType = texture(
 /// `texture_2d<u32>`.
 pub(crate) const UINT_2D: BindingType = texture(TextureSampleType::Uint, TextureViewDimension::D2);
 
+/// `texture_2d_array<u32>`.
+pub(crate) const UINT_ARRAY: BindingType =
+    texture(TextureSampleType::Uint, TextureViewDimension::D2Array);
+
 /// `texture_storage_2d<format, write>`, or the array of it.
 pub(crate) const fn store(
     format: TextureFormat,

@@ -2,11 +2,12 @@
 
 use bytemuck::{Pod, Zeroable};
 use wgpu::{
-    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache, ShaderStages,
+    BindGroupLayout, BindingType, Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device,
+    PipelineCache, ShaderStages, Texture, TextureUsages, TextureView,
 };
 
 use crate::{
-    error::Error,
+    error::{Error, check_limit},
     gpu::{
         Kernel, Timestamps,
         binding::{self, READ, UNIFORM, WRITE, whole},
@@ -24,32 +25,107 @@ const LABEL: &str = "deep-screen-space sender bounds";
 /// Bytes of an indirect dispatch.
 const DISPATCH_BYTES: u64 = 12;
 
-/// Bounds over runs of four pieces of a cloud, of four such runs, and so on: what a ray skips by. Made anew from each
-/// recording of the cloud; nothing of it is kept from frame to frame.
+/// Texels of a row of the textures; vectors a node and a leaf have, as in the shader.
+const ROW: u64 = 4096;
+const NODE_TEXELS: u64 = 6;
+const LEAF_TEXELS: u64 = 9;
+
+/// Bounds over runs of four pieces of a cloud in an order of space, of four such runs, and so on: what a ray skips by.
+/// Made anew from each recording of the cloud; nothing of it is kept from frame to frame.
 #[derive(Debug)]
 pub struct SenderBounds {
-    pub(crate) nodes: Buffer,
-    pub(crate) leaves: Buffer,
-    pub(crate) node_texture: wgpu::Texture,
-    pub(crate) leaf_texture: wgpu::Texture,
+    /// What is built, in buffers that the textures then get a copy of: drivers read textures faster, and a texture
+    /// cannot be read where it is written.
+    built: [VectorArray; 2],
+    pub(crate) nodes: TextureView,
+    pub(crate) leaves: TextureView,
     pub(crate) order: SortBuffer,
     range: Buffer,
     dispatches: Buffer,
-    pub(crate) capacity: u32,
+    capacity: u32,
+}
+
+/// An array of vectors in whole rows, and the texture of the same.
+#[derive(Debug)]
+struct VectorArray {
+    buffer: Buffer,
+    texture: Texture,
+}
+
+impl VectorArray {
+    fn new(device: &Device, label: &'static str, vectors: u64) -> Result<Self, Error> {
+        let rows = vectors.div_ceil(ROW).max(1);
+        check_limit(
+            "max_texture_dimension_2d",
+            u64::from(device.limits().max_texture_dimension_2d),
+            rows.max(ROW),
+            label,
+        )?;
+        Ok(Self {
+            buffer: storage(device, label, 16 * ROW * rows, BufferUsages::COPY_SRC)?,
+            texture: device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(label),
+                size: wgpu::Extent3d {
+                    width: ROW as u32,
+                    height: rows as u32,
+                    depth_or_array_layers: 1,
+                },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: wgpu::TextureFormat::Rgba32Float,
+                usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
+                view_formats: &[],
+            }),
+        })
+    }
+
+    fn view(&self) -> TextureView {
+        self.texture
+            .create_view(&wgpu::TextureViewDescriptor::default())
+    }
+
+    fn copy(&self, encoder: &mut CommandEncoder) {
+        encoder.copy_buffer_to_texture(
+            wgpu::TexelCopyBufferInfo {
+                buffer: &self.buffer,
+                layout: wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(16 * ROW as u32),
+                    rows_per_image: None,
+                },
+            },
+            self.texture.as_image_copy(),
+            self.texture.size(),
+        );
+    }
 }
 
 impl SenderBounds {
     /// GPU memory that it owns, bytes.
     pub fn memory_bytes(&self) -> u64 {
-        self.nodes.size() + self.order.bytes() + self.range.size() + self.dispatches.size()
+        let built: u64 = self.built.iter().map(|array| array.buffer.size()).sum();
+        2 * built + self.order.bytes() + self.range.size() + self.dispatches.size()
+    }
+
+    /// [`Error::Mismatch`] where they were made for another cloud's capacity.
+    pub(crate) fn check(&self, cloud: &SurfelCloud) -> Result<(), Error> {
+        if self.capacity == cloud.capacity.pieces {
+            return Ok(());
+        }
+        Err(Error::Mismatch {
+            name: "SenderBounds",
+            found: format!("{} pieces", self.capacity),
+            needed: format!("{} pieces", cloud.capacity.pieces),
+        })
     }
 }
 
 /// The pipelines.
 #[derive(Debug)]
 pub(crate) struct SenderBoundsPass {
-    plan_layout: wgpu::BindGroupLayout,
-    build_layout: wgpu::BindGroupLayout,
+    plan_layout: BindGroupLayout,
+    build_layout: BindGroupLayout,
     plan: ComputePipeline,
     measure: ComputePipeline,
     make_keys: ComputePipeline,
@@ -68,50 +144,35 @@ pub(crate) struct SenderBoundsParams {
 }
 
 /// The depth with a single node: `top_of` of the shader.
-pub(crate) fn top_of(count: u32) -> u32 {
+fn top_of(count: u32) -> u32 {
     let bits = 32 - (count.max(1) - 1).leading_zeros();
     bits.div_ceil(2).max(1) - 1
 }
 
 /// Where a depth's nodes begin: `depth_offset` of the shader.
-pub(crate) fn depth_offset(capacity: u32, depth: u32) -> u32 {
+fn depth_offset(capacity: u32, depth: u32) -> u32 {
     let third = capacity / 3 + 1;
     third - (third >> (2 * depth)) + 2 * depth
 }
 
-/// The modules that it is made of.
+/// The modules that it is made of: for what comes before the sort, and for what comes after.
 pub(crate) fn source(plan: bool) -> Result<String, Error> {
-    shader::assemble(
-        "sender_bounds",
-        SOURCE,
-        if plan { &["PLAN"] } else { &[] },
-        &[],
-    )
+    let flags: &[&str] = if plan { &["PLAN"] } else { &[] };
+    shader::assemble("sender_bounds", SOURCE, flags, &[])
 }
 
 impl SenderBoundsPass {
     pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
-        let layout = |items| {
-            let mut e = vec![
-                    (0, UNIFORM),
-                    (1, READ),
-                    (2, READ),
-                    (3, WRITE),
-                    (4, WRITE),
-                    (5, items),
-                ];
-            if items == READ { e.push((6, WRITE)); }
-            binding::layout(
-                device,
-                LABEL,
-                ShaderStages::COMPUTE,
-                &e,
-            )
+        let shared = [(0, UNIFORM), (1, READ), (2, READ), (3, WRITE), (4, WRITE)];
+        let layout = |rest: &[(u32, BindingType)]| {
+            let entries = [&shared, rest].concat();
+            binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries)
         };
-        let (plan_layout, build_layout) = (layout(WRITE), layout(READ));
+        let plan_layout = layout(&[(5, WRITE)]);
+        let build_layout = layout(&[(5, READ), (6, WRITE)]);
         let plan_module = shader::create(device, LABEL, source(true)?);
         let build_module = shader::create(device, LABEL, source(false)?);
-        let kernel = |module, entry, layout: &wgpu::BindGroupLayout| {
+        let kernel = |module, entry, layout: &BindGroupLayout| {
             Kernel {
                 label: &format!("{LABEL}: {entry}"),
                 module,
@@ -143,25 +204,22 @@ impl SenderBoundsPass {
             16,
             BufferUsages::empty(),
         )?;
-        let tex = |texels: u64| device.create_texture(&wgpu::TextureDescriptor {
-            label: Some(LABEL),
-            size: wgpu::Extent3d { width: 4096, height: texels.div_ceil(4096) as u32, depth_or_array_layers: 1 },
-            mip_level_count: 1, sample_count: 1, dimension: wgpu::TextureDimension::D2,
-            format: wgpu::TextureFormat::Rgba32Float,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-            view_formats: &[] });
-        let node_bytes = (96 * u64::from(depth_offset(capacity, depths))).next_multiple_of(65536);
-        let leaf_bytes = (144 * u64::from(capacity.div_ceil(4))).next_multiple_of(65536);
-        Ok(SenderBounds {
-            node_texture: tex(node_bytes / 16),
-            leaf_texture: tex(leaf_bytes / 16),
-            leaves: storage(device, "leaves", leaf_bytes, BufferUsages::COPY_SRC)?,
-            nodes: storage(
+        let built = [
+            VectorArray::new(
                 device,
                 "deep-screen-space sender bounds",
-                node_bytes,
-                BufferUsages::COPY_SRC,
+                NODE_TEXELS * u64::from(depth_offset(capacity, depths)),
             )?,
+            VectorArray::new(
+                device,
+                "deep-screen-space runs of senders",
+                LEAF_TEXELS * u64::from(capacity.div_ceil(4)),
+            )?,
+        ];
+        Ok(SenderBounds {
+            nodes: built[0].view(),
+            leaves: built[1].view(),
+            built,
             order: self.sort.buffer(
                 device,
                 "deep-screen-space order of senders",
@@ -188,33 +246,29 @@ impl SenderBoundsPass {
         bounds: &SenderBounds,
         timestamps: Option<Timestamps<'_>>,
     ) {
-        let group = |layout: &wgpu::BindGroupLayout, depth, written| {
+        let [nodes, leaves] = &bounds.built;
+        let group = |layout, depth, written, rest: Option<&Buffer>| {
             let params = SenderBoundsParams {
                 depth,
                 capacity: bounds.capacity,
                 perspective: u32::from(cloud.perspective),
                 padding: 0,
             };
-            let u = uniform(device, LABEL, &params);
-            let mut e = vec![
-                    (0, whole(&u)),
-                    (1, whole(&cloud.counters)),
-                    (2, whole(&cloud.pieces)),
-                    (3, whole(&bounds.range)),
-                    (4, whole(written)),
-                    (5, whole(&bounds.order.items)),
-                ];
-            if std::ptr::eq(layout, &self.build_layout) { e.push((6, whole(&bounds.leaves))); }
-            binding::group(
-                device,
-                LABEL,
-                layout,
-                &e,
-            )
+            let params = uniform(device, LABEL, &params);
+            let mut resources = vec![
+                (0, whole(&params)),
+                (1, whole(&cloud.counters)),
+                (2, whole(&cloud.pieces)),
+                (3, whole(&bounds.range)),
+                (4, whole(written)),
+                (5, whole(&bounds.order.items)),
+            ];
+            resources.extend(rest.map(|buffer| (6, whole(buffer))));
+            binding::group(device, LABEL, layout, &resources)
         };
-        // A buffer cannot be written by a dispatch that it sizes: the plan is made in a pass of its own kind of group.
-        let plan = group(&self.plan_layout, 0, &bounds.dispatches);
-        let keys = group(&self.plan_layout, 0, &bounds.nodes);
+        let plan = group(&self.plan_layout, 0, &bounds.dispatches, None);
+        // A dispatch cannot bind the buffer that sizes it: these do not write the dispatches, but bind something there.
+        let keys = group(&self.plan_layout, 0, &nodes.buffer, None);
         let mut pass = compute_pass(encoder, LABEL, timestamps);
         dispatch(&mut pass, &self.plan, &plan, 1);
         pass.set_bind_group(0, &keys, &[]);
@@ -224,7 +278,12 @@ impl SenderBoundsPass {
         }
         self.sort.record(&mut pass, &bounds.order);
         for depth in 0..=top_of(bounds.capacity) {
-            let group = group(&self.build_layout, depth, &bounds.nodes);
+            let group = group(
+                &self.build_layout,
+                depth,
+                &nodes.buffer,
+                Some(&leaves.buffer),
+            );
             pass.set_pipeline(if depth == 0 {
                 &self.build_first
             } else {
@@ -235,8 +294,7 @@ impl SenderBoundsPass {
             pass.dispatch_workgroups_indirect(&bounds.dispatches, at);
         }
         drop(pass);
-        for (b, t) in [(&bounds.nodes, &bounds.node_texture), (&bounds.leaves, &bounds.leaf_texture)] {
-            encoder.copy_buffer_to_texture(wgpu::TexelCopyBufferInfo { buffer: b, layout: wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(65536), rows_per_image: None } }, t.as_image_copy(), t.size());
-        }
+        nodes.copy(encoder);
+        leaves.copy(encoder);
     }
 }

@@ -19,10 +19,11 @@ use crate::{
     geometry::{Material, check_size, check_usage},
     gpu::{
         Kernel, Timestamps,
-        binding::{self, FLOAT_ARRAY, READ, UNIFORM, WRITE, view, whole},
+        binding::{self, FLOAT_2D, FLOAT_ARRAY, READ, UNIFORM, WRITE, view, whole},
         check_timestamps, compute_pass, shader, storage, uniform,
     },
     light::Light,
+    sender_bounds::SenderBounds,
     surfel::{SurfelCloud, SurfelRadiance},
     surfelizer::settings::Placement,
 };
@@ -43,6 +44,7 @@ pub(crate) const MAX_SHADOW_CAMERAS: usize = 6;
 pub struct SurfelShader {
     plain: [ShadeKernel; 2],
     mapped: [ShadeKernel; 2],
+    traced: [ShadeKernel; 2],
 }
 
 /// A variant: at index 0 for one point a surfel, at index 1 for several.
@@ -60,6 +62,10 @@ pub enum Shadow<'a> {
     None,
     /// In the caller's shadow map.
     Map(ShadowMap<'a>),
+    /// By a ray from the surfel to the light, among the pieces of its cloud, given bounds that were recorded since the
+    /// cloud was ([`BouncedZBuffer::record_bounds`](crate::BouncedZBuffer::record_bounds)): exact, without a map or a
+    /// bias. What the cloud was culled of casts none.
+    Traced(&'a SenderBounds),
 }
 
 /// A light's shadow map: depth as seen from the light, by one camera or by several.
@@ -196,19 +202,15 @@ impl SurfelShader {
             6,
             LABEL,
         )?;
-        let kernel = |shadow_map, samples| {
-            ShadeKernel::new(
-                device,
-                ShadeVariant {
-                    shadow_map,
-                    samples,
-                },
-                cache,
-            )
+        let kernels = |shadow| -> Result<_, Error> {
+            let kernel =
+                |samples| ShadeKernel::new(device, ShadeVariant { shadow, samples }, cache);
+            Ok([kernel(false)?, kernel(true)?])
         };
         Ok(Self {
-            plain: [kernel(false, false)?, kernel(false, true)?],
-            mapped: [kernel(true, false)?, kernel(true, true)?],
+            plain: kernels(ShadowKind::None)?,
+            mapped: kernels(ShadowKind::Map)?,
+            traced: kernels(ShadowKind::Traced)?,
         })
     }
 
@@ -229,6 +231,7 @@ impl SurfelShader {
     ///
     /// # Errors
     /// What [`SurfelShaderSettings::validate`], [`Light::validate`] and [`ShadowMap::validate`] find;
+    /// [`Error::Mismatch`] for bounds of another cloud's capacity;
     /// [`Error::Buffer`] for materials or radiance that are too small, lack a usage or are the same buffer as another
     /// one, [`Error::Limit`] for more materials than the device can bind. All before anything is recorded.
     pub fn record(
@@ -242,8 +245,10 @@ impl SurfelShader {
         check_timestamps(input.timestamps)?;
         for ShadedLight { light, shadow } in input.lights {
             light.validate()?;
-            if let Shadow::Map(map) = shadow {
-                map.validate()?;
+            match shadow {
+                Shadow::None => {}
+                Shadow::Map(map) => map.validate()?,
+                Shadow::Traced(bounds) => bounds.check(input.cloud)?,
             }
         }
         check_buffers(device, input)?;
@@ -293,7 +298,7 @@ impl SurfelShader {
         let params = uniform(
             device,
             LABEL,
-            &SurfelShaderParams::new(light, cloud.origin, first, samples),
+            &SurfelShaderParams::new(light, cloud, first, samples),
         );
         let mut resources = vec![
             (0, whole(&params)),
@@ -319,6 +324,10 @@ impl SurfelShader {
                 shadow = uniform(device, LABEL, &ShadowParams::new(map, cloud.origin));
                 resources.extend([(7, whole(&shadow)), (8, view(map.depth))]);
                 &self.mapped
+            }
+            Some(Shadow::Traced(bounds)) => {
+                resources.extend([(9, view(&bounds.nodes)), (10, view(&bounds.leaves))]);
+                &self.traced
             }
             Some(Shadow::None) | None => &self.plain,
         };
@@ -346,8 +355,10 @@ impl ShadeKernel {
             (5, WRITE),
         ];
         entries.extend(variant.samples.then_some((6, READ)));
-        if variant.shadow_map {
-            entries.extend([(7, UNIFORM), (8, FLOAT_ARRAY)]);
+        match variant.shadow {
+            ShadowKind::None => {}
+            ShadowKind::Map => entries.extend([(7, UNIFORM), (8, FLOAT_ARRAY)]),
+            ShadowKind::Traced => entries.extend([(9, FLOAT_2D), (10, FLOAT_2D)]),
         }
         let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
         let pipeline = Kernel {
@@ -363,17 +374,29 @@ impl ShadeKernel {
     }
 }
 
+/// How a module finds shadows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ShadowKind {
+    None,
+    Map,
+    Traced,
+}
+
 /// What a module is assembled for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ShadeVariant {
-    pub shadow_map: bool,
+    pub shadow: ShadowKind,
     pub samples: bool,
 }
 
 /// Assembles one of them.
 pub(crate) fn source(variant: ShadeVariant) -> Result<String, Error> {
     let mut flags = Vec::new();
-    flags.extend(variant.shadow_map.then_some("SHADOW_MAP"));
+    match variant.shadow {
+        ShadowKind::None => {}
+        ShadowKind::Map => flags.push("SHADOW_MAP"),
+        ShadowKind::Traced => flags.push("SHADOW_TRACED"),
+    }
     flags.extend(variant.samples.then_some("SAMPLES"));
     shader::assemble("surfel_shader", SOURCE, &flags, &[])
 }

@@ -8,6 +8,7 @@ use crate::{
     camera::Camera,
     gbuffer::depth_step,
     light::{Light, LightParams},
+    surfel::SurfelCloud,
 };
 
 #[repr(C)]
@@ -16,17 +17,19 @@ pub(crate) struct SurfelShaderParams {
     pub(crate) light: LightParams,
     pub(crate) first: u32,
     pub(crate) splits: u32,
-    pub(crate) padding: [u32; 2],
+    pub(crate) piece_capacity: u32,
+    pub(crate) padding: u32,
 }
 
 impl SurfelShaderParams {
     /// Without a light, surfels are given their emission alone. `samples` is a power of two.
-    pub fn new(light: Option<&Light>, origin: DVec3, first: bool, samples: u32) -> Self {
+    pub fn new(light: Option<&Light>, cloud: &SurfelCloud, first: bool, samples: u32) -> Self {
         Self {
-            light: light.map_or_else(LightParams::default, |l| LightParams::new(l, origin)),
+            light: light.map_or_else(LightParams::default, |l| LightParams::new(l, cloud.origin)),
             first: u32::from(first),
             splits: samples.trailing_zeros(),
-            padding: [0; 2],
+            piece_capacity: cloud.capacity.pieces,
+            padding: 0,
         }
     }
 }

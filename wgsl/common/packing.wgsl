@@ -23,3 +23,29 @@ fn pack_normal(n: vec3f) -> u32 {
 fn unpack_normal(bits: u32) -> vec3f {
   return normalize(octahedral_to(unpack2x16snorm(bits)));
 }
+
+// A colour of 0 to 1e30 in four bytes: 8 bits a channel and a shared exponent (Ward 1991), rounded to nearest, so within
+// 1/256 of the largest channel.
+fn pack_color(color: vec3f) -> u32 {
+  let c = clamp(color, vec3f(0.0), vec3f(1e30));
+  let largest = max(c.x, max(c.y, c.z));
+  if !(largest >= 1e-30) {
+    return 0u;
+  }
+  // 2^(exponent - 1) <= largest < 2^exponent, and one more where rounding to 8 bits reaches 256.
+  var exponent = i32(bitcast<u32>(largest) >> 23u) - 126;
+  exponent += select(0, 1, largest * color_scale(exponent) >= 255.5);
+  let bits = vec3u(floor(c * color_scale(exponent) + 0.5));
+  return bits.x | (bits.y << 8u) | (bits.z << 16u) | (u32(exponent + 128) << 24u);
+}
+
+// 2^(8 - exponent).
+fn color_scale(exponent: i32) -> f32 {
+  return bitcast<f32>(u32(127 + 8 - exponent) << 23u);
+}
+
+fn unpack_color(bits: u32) -> vec3f {
+  let exponent = i32(bits >> 24u) - 128;
+  let scale = bitcast<f32>(u32(clamp(127 - 8 + exponent, 0, 254)) << 23u);
+  return vec3f(vec3u(bits, bits >> 8u, bits >> 16u) & vec3u(255u)) * scale;
+}

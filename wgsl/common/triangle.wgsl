@@ -61,3 +61,23 @@ fn leaf_of(triangle: Triangle, leaf: u32, order: u32) -> Triangle {
   }
   return node;
 }
+
+// The leaf that a point of the triangle's plane lies in.
+fn leaf_at(triangle: Triangle, point: vec3f, order: u32) -> u32 {
+  let normal = cross(triangle.b - triangle.a, triangle.c - triangle.a);
+  var node = triangle;
+  var leaf = 0u;
+  for (var depth = 0u; depth < order; depth++) {
+    let first = bisect(node, 0u);
+    // The cut goes from the middle of the longest edge to the corner across, b and c of the first half.
+    let across = dot(cross(first.c - first.b, point - first.b), normal);
+    let side = select(0u, 1u, across < 0.0);
+    leaf = leaf * 2u + side;
+    if side == 0u {
+      node = first;
+    } else {
+      node = bisect(node, 1u);
+    }
+  }
+  return leaf;
+}

@@ -1,6 +1,6 @@
 // Rays against senders: a ray visits the nodes over them from left to right, skips what it misses, and needs no stack.
 //
-// Asks of its importer the buffer `nodes` and `fn meet_sender(ray: Ray, index: u32) -> f32`, the distance of a hit or FAR.
+// Asks of its importer the textures `nodes` and `leaves` (wgsl/sender_bounds.wgsl).
 
 #import walk_tree
 
@@ -24,6 +24,11 @@ fn make_ray(origin: vec3f, direction: vec3f) -> Ray {
   // A component of zero would give infinity, and 0 times infinity in the slab test.
   let d = select(direction, vec3f(1e-18), abs(direction) < vec3f(1e-18));
   return Ray(origin, direction, 1.0 / d);
+}
+
+// Where a ray of a surface starts: off it by more than the rounding of its position. `side` is its unit normal.
+fn off_surface(position: vec3f, side: vec3f) -> vec3f {
+  return position + side * (4.0 * POSITION_TOLERANCE * max_component(abs(position)));
 }
 
 fn node_texel(i: u32) -> vec4f {

@@ -1,0 +1,329 @@
+//! From hits to the caller's picture (The Bounced Z-buffer 3.3; `wgsl/hit_reconstructor.wgsl`).
+
+pub(crate) mod params;
+pub(crate) mod settings;
+
+use wgpu::{
+    BindGroupLayout, CommandEncoder, ComputePipeline, Device, PipelineCache, RenderPipeline,
+    ShaderStages, TextureFormat, TextureUsages, TextureView, TextureViewDimension,
+};
+
+use self::{params::HitReconstructorParams, settings::HitReconstructorSettings};
+use crate::{
+    bounced_z_buffer::{
+        BouncedDescriptor, BouncedView, Hits, Payload,
+        settings::{BouncedSettings, Sampling},
+    },
+    camera::Camera,
+    error::Error,
+    gbuffer::{GBuffer, check_plain},
+    gpu::{
+        Kernel, Timestamps,
+        binding::{self, FLOAT_2D, READ, UINT_2D, UINT_ARRAY, UNIFORM, view, whole},
+        check_timestamps, first_pass,
+        screen::{self, Screen},
+        shader, uniform,
+    },
+    receivers::{plane, plane_bytes},
+    surfel::SurfelCloud,
+};
+
+pub(crate) const SOURCE: &str = include_str!("../../wgsl/hit_reconstructor.wgsl");
+
+const LABEL: &str = "deep-screen-space hit reconstructor";
+
+/// Gathers the hits of a [`BouncedZBuffer`](crate::BouncedZBuffer) over each pixel's neighbourhood and writes the effect
+/// into the caller's texture: with [`Payload::Occlusion`] ambient visibility, 1 = open, with [`Payload::Radiance`] the
+/// radiance that a matt surface of the G-buffer's albedo sends on, linear RGB, W/(m² sr). The sky is open, and dark.
+///
+/// Holds pipelines only, for one kind of hits and one target format; one serves any number of views.
+#[derive(Debug)]
+pub struct HitReconstructor {
+    descriptor: HitReconstructorDescriptor,
+    average_layout: BindGroupLayout,
+    layout: BindGroupLayout,
+    average: ComputePipeline,
+    reconstruct: RenderPipeline,
+}
+
+/// What a [`HitReconstructor`] is compiled for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HitReconstructorDescriptor {
+    /// The payload of the hits.
+    pub payload: Payload,
+    /// How their directions were drawn.
+    pub sampling: Sampling,
+    /// Whether neighbours' hits are weighed one by one by the receiving pixel's own cosine (The Bounced Z-buffer 3.3),
+    /// so that detail of normals survives a wide window. Without, neighbours' means are: faster by about the number of
+    /// directions.
+    pub deferred: bool,
+    /// Any colour format that can be rendered to; its missing channels are dropped.
+    pub target: TextureFormat,
+}
+
+/// What a [`HitReconstructor`] needs for a view: each pixel's own mean.
+#[derive(Debug)]
+pub struct HitReconstructorView {
+    size: [u32; 2],
+    means: TextureView,
+}
+
+impl HitReconstructorView {
+    /// GPU memory that it owns, bytes.
+    pub fn memory_bytes(&self) -> u64 {
+        plane_bytes(TextureFormat::Rgba32Float, self.size, 1)
+    }
+}
+
+/// What one recording of the [`HitReconstructor`] works on.
+#[derive(Clone, Copy, Debug)]
+pub struct HitReconstructorInput<'a> {
+    /// The G-buffer that was traced from; with [`Payload::Radiance`] its albedo is needed.
+    pub gbuffer: GBuffer<'a>,
+    /// Its camera.
+    pub camera: &'a Camera,
+    /// The cloud that was traced.
+    pub cloud: &'a SurfelCloud,
+    /// The hits.
+    pub hits: &'a BouncedView,
+    /// The settings that they were traced with.
+    pub traced: &'a BouncedSettings,
+    /// The caller's texture, of the descriptor's format, usage `RENDER_ATTACHMENT`, covering the camera's viewport.
+    /// Only the viewport is written.
+    pub target: &'a TextureView,
+    /// Where to write begin and end times, if anywhere.
+    pub timestamps: Option<Timestamps<'a>>,
+}
+
+impl HitReconstructor {
+    /// Compiles the pipelines.
+    ///
+    /// # Errors
+    /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats.
+    pub fn new(
+        device: &Device,
+        descriptor: &HitReconstructorDescriptor,
+        cache: Option<&PipelineCache>,
+    ) -> Result<Self, Error> {
+        screen::check_format(device, "HitReconstructor target", descriptor.target)?;
+        let radiance = descriptor.payload == Payload::Radiance;
+        let hits = if radiance { UINT_ARRAY } else { READ };
+        let shared = [(0, UNIFORM), (1, UINT_2D), (2, hits)];
+        let mut average = shared.to_vec();
+        average.push((
+            3,
+            binding::store(TextureFormat::Rgba32Float, TextureViewDimension::D2),
+        ));
+        let mut reconstruct = if descriptor.deferred {
+            shared.to_vec()
+        } else {
+            shared[..2].to_vec()
+        };
+        reconstruct.push((3, FLOAT_2D));
+        reconstruct.extend(radiance.then_some((4, FLOAT_2D)));
+        let average_layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &average);
+        let layout = binding::layout(device, LABEL, ShaderStages::FRAGMENT, &reconstruct);
+        let module = |stage| -> Result<_, Error> {
+            Ok(shader::create(device, LABEL, source(descriptor, stage)?))
+        };
+        let constants = [("SAMPLING", f64::from(descriptor.sampling.code()))];
+        let average = Kernel {
+            label: LABEL,
+            module: &module(HitStage::Average)?,
+            entry: "average",
+            layouts: &[&average_layout],
+            constants: &constants,
+            cache,
+        }
+        .create(device);
+        let reconstruct = Screen {
+            label: LABEL,
+            module: &module(HitStage::Reconstruct)?,
+            entry: "reconstruct",
+            layout: &layout,
+            constants: &constants,
+            target: descriptor.target,
+            cache,
+        }
+        .create(device);
+        Ok(Self {
+            descriptor: *descriptor,
+            average_layout,
+            layout,
+            average,
+            reconstruct,
+        })
+    }
+
+    /// Room for a view of `width` × `height` pixels.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for an empty size, [`Error::Limit`] for one beyond the device's.
+    pub fn create_view(
+        &self,
+        device: &Device,
+        width: u32,
+        height: u32,
+    ) -> Result<HitReconstructorView, Error> {
+        let size = [width, height];
+        let texture = plane(
+            device,
+            "deep-screen-space means of hits",
+            TextureFormat::Rgba32Float,
+            size,
+            1,
+        )?;
+        Ok(HitReconstructorView {
+            size,
+            means: texture.create_view(&wgpu::TextureViewDescriptor::default()),
+        })
+    }
+
+    /// Records the reconstruction into the caller's texture.
+    ///
+    /// # Errors
+    /// [`Error::Setting`]; [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target and the G-buffer;
+    /// [`Error::Mismatch`] where hits, view and target disagree with the camera or with what this was made for.
+    pub fn record(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        input: &HitReconstructorInput<'_>,
+        settings: &HitReconstructorSettings,
+        scratch: &HitReconstructorView,
+    ) -> Result<(), Error> {
+        settings.validate()?;
+        input.traced.validate()?;
+        check_timestamps(input.timestamps)?;
+        let albedo = self.check(input, scratch)?;
+        let viewport = input.camera.viewport();
+        let params = uniform(
+            device,
+            LABEL,
+            &HitReconstructorParams::new(
+                settings,
+                input.traced,
+                input.camera,
+                input.cloud.origin(),
+            ),
+        );
+        let hits = match &input.hits.hits {
+            Hits::Bits(buffer) => whole(buffer),
+            Hits::Colors(colors) => view(colors),
+        };
+        let shared = [
+            (0, whole(&params)),
+            (1, view(&input.hits.receivers.view)),
+            (2, hits),
+        ];
+        let mut resources = shared.to_vec();
+        resources.push((3, view(&scratch.means)));
+        let group = binding::group(device, LABEL, &self.average_layout, &resources);
+        let mut pass = first_pass(encoder, LABEL, input.timestamps);
+        pass.set_pipeline(&self.average);
+        pass.set_bind_group(0, &group, &[]);
+        pass.dispatch_workgroups(viewport.width.div_ceil(8), viewport.height.div_ceil(8), 1);
+        drop(pass);
+
+        if !self.descriptor.deferred {
+            resources.remove(2);
+        }
+        resources.extend(albedo.map(|albedo| (4, view(albedo))));
+        let group = binding::group(device, LABEL, &self.layout, &resources);
+        screen::draw(
+            encoder,
+            LABEL,
+            (&self.reconstruct, &group),
+            input.target,
+            viewport,
+            input.timestamps,
+            false,
+        );
+        Ok(())
+    }
+
+    /// The albedo, where it is needed.
+    fn check<'t>(
+        &self,
+        input: &HitReconstructorInput<'t>,
+        scratch: &HitReconstructorView,
+    ) -> Result<Option<&'t TextureView>, Error> {
+        let viewport = input.camera.viewport();
+        let size = [viewport.width, viewport.height];
+        input.gbuffer.validate(viewport)?;
+        check_plain(
+            "HitReconstructorInput::target",
+            input.target,
+            viewport,
+            TextureUsages::RENDER_ATTACHMENT,
+        )?;
+        let format = input.target.texture().format();
+        if format != self.descriptor.target {
+            return Err(Error::Mismatch {
+                name: "HitReconstructorInput::target",
+                found: format!("{format:?}"),
+                needed: format!("{:?}", self.descriptor.target),
+            });
+        }
+        let BouncedDescriptor {
+            payload, sampling, ..
+        } = input.hits.descriptor;
+        if (payload, sampling) != (self.descriptor.payload, self.descriptor.sampling)
+            || input.hits.size() != size
+            || input.hits.directions() < input.traced.directions
+        {
+            return Err(Error::Mismatch {
+                name: "HitReconstructorInput::hits",
+                found: format!(
+                    "{:?} pixels, {} directions, {payload:?}, {sampling:?}",
+                    input.hits.size(),
+                    input.hits.directions()
+                ),
+                needed: format!(
+                    "{size:?} pixels, {} directions, {:?}, {:?}",
+                    input.traced.directions, self.descriptor.payload, self.descriptor.sampling
+                ),
+            });
+        }
+        if scratch.size != size {
+            return Err(Error::Mismatch {
+                name: "HitReconstructorView",
+                found: format!("{:?} pixels", scratch.size),
+                needed: format!("{size:?} pixels"),
+            });
+        }
+        if self.descriptor.payload == Payload::Occlusion {
+            return Ok(None);
+        }
+        match input.gbuffer.albedo {
+            Some(albedo) => Ok(Some(albedo)),
+            None => Err(Error::Mismatch {
+                name: "GBuffer::albedo",
+                found: "none".into(),
+                needed: "one, for hits with radiance".into(),
+            }),
+        }
+    }
+}
+
+/// The modules that it is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum HitStage {
+    Average,
+    Reconstruct,
+}
+
+/// Assembles one of them.
+pub(crate) fn source(
+    descriptor: &HitReconstructorDescriptor,
+    stage: HitStage,
+) -> Result<String, Error> {
+    let mut flags = Vec::new();
+    flags.extend((descriptor.payload == Payload::Radiance).then_some("RADIANCE"));
+    match stage {
+        HitStage::Average => flags.extend(["AVERAGE", "HITS"]),
+        HitStage::Reconstruct if descriptor.deferred => flags.extend(["DEFERRED", "HITS"]),
+        HitStage::Reconstruct => {}
+    }
+    shader::assemble("hit_reconstructor", SOURCE, &flags, &[])
+}

@@ -1,0 +1,194 @@
+// HitReconstructor: from the hits of a bounced z-buffer to the caller's picture (The Bounced Z-buffer 3.3).
+//
+//   average       compute: each pixel's own mean over its directions, and how uncertain it is
+//   reconstruct   fragment: a cross-bilateral mean over a window, into the caller's texture
+//
+// A pixel's estimate is the mean of radiance (or openness) over directions, each weighed by the receiver's cosine over
+// the density that it was drawn with. With #if DEFERRED the window gathers its neighbours' hits, direction by direction,
+// weighed by the cosine of the *receiving* pixel, so that what its normal tells is not blurred; without, their means.
+
+#import math
+#import packing
+#import hashing
+#import camera
+#import receiver
+#import directions
+
+struct Params {
+  camera: Camera,
+  columns: u32,
+  rows: u32,
+  frame: u32,
+  words: u32,
+  // Half width of the window in pixels.
+  radius: u32,
+  // How far off a pixel's tangent plane a neighbour may lie, in pixels at the pixel's distance.
+  plane_distance: f32,
+  // Exponent of the cosine between normals.
+  normal_power: f32,
+  // How many standard deviations a neighbour's mean may differ; 0 for no such test.
+  deviations: f32,
+}
+
+override SAMPLING: u32 = 0u;
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var receivers: texture_2d<u32>;
+#if HITS
+#if RADIANCE
+@group(0) @binding(2) var hits: texture_2d_array<u32>;
+#else
+@group(0) @binding(2) var<storage, read> hits: array<u32>;
+#endif
+#endif
+#if AVERAGE
+@group(0) @binding(3) var means: texture_storage_2d<rgba32float, write>;
+#else
+@group(0) @binding(3) var means: texture_2d<f32>;
+#if RADIANCE
+@group(0) @binding(4) var albedo_texture: texture_2d<f32>;
+#endif
+#endif
+
+fn size() -> vec2i {
+  return vec2i(params.camera.viewport.zw);
+}
+
+fn directions() -> u32 {
+  return params.columns * params.rows;
+}
+
+#if HITS
+// What came along a direction: radiance, or 1 where nothing was hit.
+fn incoming(pixel: vec2u, index: u32) -> vec3f {
+#if RADIANCE
+  return unpack_color(textureLoad(hits, pixel, index, 0).x);
+#else
+  let word = hits[(pixel.y * params.camera.viewport.z + pixel.x) * params.words + index / 32u];
+  return vec3f(select(1.0, 0.0, ((word >> (index & 31u)) & 1u) != 0u));
+#endif
+}
+
+// A receiver's cosine to a direction over the density that the direction was drawn with, as a share of what cosine
+// sampling about the receiver's own normal gives, 1.
+fn share(normal: vec3f, drawn: Direction) -> f32 {
+  return max(dot(normal, drawn.direction), 0.0) / (PI * max(drawn.pdf, 1e-6));
+}
+
+#endif
+
+fn luminance(color: vec3f) -> f32 {
+  return dot(color, vec3f(0.2126, 0.7152, 0.0722));
+}
+
+#if AVERAGE
+
+// xyz the mean, w the variance of its luminance.
+@compute @workgroup_size(8, 8)
+fn average(@builtin(global_invocation_id) id: vec3u) {
+  let pixel = id.xy;
+  if any(vec2i(pixel) >= size()) {
+    return;
+  }
+  let texel = textureLoad(receivers, pixel, 0);
+  var mean = vec3f(0.0);
+  var variance = 0.0;
+  if texel.w != SKY {
+    let normal = unpack_normal(texel.w);
+    var sum = vec3f(0.0);
+    var weights = 0.0;
+    var squares = 0.0;
+    for (var i = 0u; i < directions(); i++) {
+      var weight = 1.0;
+      if SAMPLING != SAMPLE_COSINE {
+        let point = cell_point(pixel, i, params.columns, params.rows, params.frame);
+        weight = share(normal, hemisphere_direction(point, normal, SAMPLING));
+      }
+      let value = incoming(pixel, i);
+      sum += weight * value;
+      weights += weight;
+      squares += weight * luminance(value) * luminance(value);
+    }
+    let per_weight = 1.0 / max(weights, 1e-6);
+    mean = sum * per_weight;
+    let spread = max(squares * per_weight - luminance(mean) * luminance(mean), 0.0);
+    variance = spread / f32(directions());
+  }
+  textureStore(means, pixel, vec4f(mean, variance));
+}
+
+#else
+
+#import screen
+
+@fragment
+fn reconstruct(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
+  let corner = vec2i(params.camera.viewport.xy);
+  let at = clamp(vec2i(fragment.xy) - corner, vec2i(0), size() - 1);
+  let texel = textureLoad(receivers, at, 0);
+  if texel.w == SKY {
+#if RADIANCE
+    return vec4f(0.0, 0.0, 0.0, 1.0);
+#else
+    return vec4f(1.0);
+#endif
+  }
+  let position = receiver_position(texel);
+  let normal = unpack_normal(texel.w);
+  let own = textureLoad(means, at, 0);
+  let pixel = footprint(params.camera, position - params.camera.eye);
+  let per_tolerance = 1.0 / max(params.plane_distance * pixel, 1e-30);
+  let radius = i32(params.radius);
+  let low = max(at - radius, vec2i(0));
+  let high = min(at + radius, size() - 1);
+  var sum = vec3f(0.0);
+  var weights = 0.0;
+  for (var y = low.y; y <= high.y; y++) {
+    for (var x = low.x; x <= high.x; x++) {
+      let there = vec2i(x, y);
+      let other = textureLoad(receivers, there, 0);
+      if other.w == SKY {
+        continue;
+      }
+      let other_normal = unpack_normal(other.w);
+      let d = receiver_position(other) - position;
+      let off_plane = max(abs(dot(normal, d)), abs(dot(other_normal, d))) * per_tolerance;
+      let in_plane = max(1.0 - off_plane * off_plane, 0.0);
+      let alike = max(1.0 - (params.normal_power / 8.0) * (1.0 - dot(normal, other_normal)), 0.0);
+      let alike4 = alike * alike * alike * alike;
+      var weight = in_plane * in_plane * alike4 * alike4;
+      let theirs = textureLoad(means, there, 0);
+      if params.deviations > 0.0 {
+        let difference = luminance(theirs.xyz) - luminance(own.xyz);
+        let allowed = params.deviations * params.deviations * (theirs.w + own.w) + 1e-8;
+        weight *= exp(-difference * difference / allowed);
+      }
+      if all(there == at) {
+        weight = 1.0;
+      }
+#if DEFERRED
+      if weight > 1e-3 {
+        for (var i = 0u; i < directions(); i++) {
+          let point = cell_point(vec2u(there), i, params.columns, params.rows, params.frame);
+          let drawn = hemisphere_direction(point, other_normal, SAMPLING);
+          // A direction near the neighbour's horizon may be far from this one's: its share is bounded.
+          let own_share = weight * min(share(normal, drawn), 4.0);
+          sum += own_share * incoming(vec2u(there), i);
+          weights += own_share;
+        }
+      }
+#else
+      sum += weight * theirs.xyz;
+      weights += weight;
+#endif
+    }
+  }
+  let mean = sum / max(weights, 1e-6);
+#if RADIANCE
+  return vec4f(mean * textureLoad(albedo_texture, corner + at, 0).xyz, 1.0);
+#else
+  return vec4f(clamp(mean, vec3f(0.0), vec3f(1.0)), 1.0);
+#endif
+}
+
+#endif
