@@ -1,8 +1,10 @@
 //! The whole on any scene: `cargo run --release --example render -- SCENE.glb --out DIR`.
 //!
-//! Writes `ao.exr` (one channel `Y`, 1 = open), `ao.png` and `stats.json`; with `--reference` also the ray-traced truth
-//! and how far off the picture is.
+//! Ambient occlusion (`--effect ao`) is written to `ao.exr` (one channel `Y`, 1 = open) and `ao.png`, indirect light
+//! (`--effect gi`) to `gi.exr` (R, G, B: outgoing radiance of one diffuse bounce) and `gi.png`, and what it took to
+//! `stats.json`. With `--reference` the ray-traced truth comes too, and how far off the picture is.
 
+mod methods;
 mod view;
 
 #[path = "../support/mod.rs"]
@@ -12,27 +14,25 @@ use std::{path::PathBuf, process::ExitCode};
 
 use clap::Parser;
 use deep_screen_space::{
-    AmbientOcclusion, CloudCapacity, Overlap,
     glam::DVec3,
     reference::trace::{Receiver, Tracer},
-    scenes,
+    scenes::{self, Scene},
 };
+use methods::Rendered;
 use support::{
-    ambient_occlusion::{Rendered, Renderer},
     files,
     gpu::{Ask, Gpu},
-    presets::{self, Preset},
-    raster::Raster,
-    scene::{SceneBuffers, load_gltf},
+    presets,
+    scene::load_gltf,
 };
 
-/// Ambient occlusion of a scene from its surfels.
+/// Ambient occlusion or indirect light of a scene, with all that is hidden or off screen.
 #[derive(Parser)]
 #[command(about)]
 struct Options {
     /// A glTF 2.0 file, or the name of one of the crate's scenes; the colonnade if left out.
     scene: Option<String>,
-    /// A JSON file of cameras by scene, each with name, eye, target, up, `vfov_deg`, near, width and height.
+    /// A JSON file of cameras by scene, each with name, eye, target, up, `vfov_deg`, near, width, height and light.
     #[arg(long)]
     cameras: Option<PathBuf>,
     /// Which camera of the file, or which view of the crate's scene.
@@ -50,23 +50,29 @@ struct Options {
     /// Size of the picture in pixels, `WxH`.
     #[arg(long, value_parser = view::parse_size)]
     size: Option<[u32; 2]>,
-    /// What to compute.
-    #[arg(long, default_value = "ao", value_parser = ["ao"])]
+    /// What to compute: ambient occlusion, or one bounce of diffuse light.
+    #[arg(long, default_value = "ao", value_parser = ["ao", "gi"])]
     effect: String,
-    /// How to compute it.
-    #[arg(long, default_value = "splat", value_parser = ["splat"])]
+    /// How to compute it: by the bounced z-buffer, which knows what hides what, or by splatting, which adds up.
+    #[arg(long, default_value = "bounced", value_parser = ["bounced", "splat"])]
     method: String,
     /// How exactly.
     #[arg(long, default_value = "balanced", value_parser = presets::NAMES)]
     preset: String,
     /// Distance beyond which nothing occludes, world units, or inf; if left out, what suits the crate's own scene, and
-    /// inf for a file.
+    /// inf for a file. Light comes from any distance.
     #[arg(long, value_parser = view::parse_radius)]
     radius: Option<f32>,
-    /// Whether surfaces occlude behind their backs too.
+    /// Directions a pixel in place of the preset's, for the bounced z-buffer.
+    #[arg(long)]
+    directions: Option<u32>,
+    /// Half width of the filter's window in pixels in place of the preset's, for the bounced z-buffer.
+    #[arg(long)]
+    window: Option<u32>,
+    /// Whether surfaces occlude behind their backs too, for splatting.
     #[arg(long)]
     two_sided: bool,
-    /// Combine occluders as if they lay independently of each other.
+    /// Combine occluders as if they lay independently of each other, for splatting.
     #[arg(long)]
     independent: bool,
     /// Surfels that there is room for.
@@ -78,6 +84,12 @@ struct Options {
     /// Where to write.
     #[arg(long, default_value = "out")]
     out: PathBuf,
+}
+
+impl Options {
+    fn gi(&self) -> bool {
+        self.effect == "gi"
+    }
 }
 
 fn main() -> ExitCode {
@@ -99,157 +111,134 @@ fn run(options: &Options) -> Result<(), String> {
         },
     };
     let shot = view::choose(options, &scene)?;
-    let camera = shot.camera()?;
-    let radius = options.radius.unwrap_or(scene.ao_radius);
-    let preset = presets::preset(&options.preset, radius).ok_or("no such preset")?;
-
+    let radius = if options.gi() {
+        f32::INFINITY
+    } else {
+        options.radius.unwrap_or(scene.ao_radius)
+    };
     std::fs::create_dir_all(&options.out).map_err(|e| format!("{}: {e}", options.out.display()))?;
     let gpu = Gpu::open(Ask::from_env())?;
-    let buffers = SceneBuffers::new(&gpu, &scene);
-    let raster = Raster::draw(&gpu, &buffers, &camera);
-    let capacity = CloudCapacity {
-        surfels: options.surfels,
-        pieces: (buffers.triangles() + 200_000).min(2_700_000),
-        triangles: buffers.triangles(),
+    let rendered = match options.method.as_str() {
+        "splat" => methods::splat(&gpu, options, &scene, &shot, radius)?,
+        _ => methods::bounced(&gpu, options, &scene, &shot, radius)?,
     };
-    let effect = AmbientOcclusion {
-        two_sided: options.two_sided,
-        overlap: if options.independent {
-            Overlap::Independent
-        } else {
-            Overlap::Add
-        },
-    };
-    let size = [shot.width, shot.height];
-    let mut renderer = Renderer::new(&gpu, effect, capacity, size, preset.splat.levels, false)
-        .map_err(|e| e.to_string())?;
-    let meshes = buffers.meshes();
-    let mut render = || {
-        renderer
-            .render(&gpu, &raster, &meshes, &camera, &preset)
-            .map_err(|e| e.to_string())
-    };
-    // Drivers compile a pipeline when it first runs: the second time is the one to report.
-    render()?;
-    let rendered = render()?;
-    let memory = renderer.memory_bytes();
 
-    let path = |name: &str| options.out.join(name);
-    files::write_exr(&path("ao.exr"), size[0], size[1], &rendered.visibility)?;
-    files::write_png(&path("ao.png"), size[0], size[1], &rendered.visibility)?;
-    let stats = stats(
-        &gpu,
-        options,
-        &rendered,
-        &preset,
-        size,
-        buffers.triangles(),
-        memory,
-    );
+    let picture = write(options, &shot, &rendered.pixels, "")?;
+    let stats = rendered.stats(&gpu, options, &shot, radius);
     let text = serde_json::to_string_pretty(&stats).map_err(|e| e.to_string())?;
-    std::fs::write(path("stats.json"), text).map_err(|e| format!("stats.json: {e}"))?;
+    let path = options.out.join("stats.json");
+    std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
     println!(
-        "{}: {} surfels of {} triangles, {:.1} ms on {}",
-        path("ao.png").display(),
-        rendered.counts.stored,
-        buffers.triangles(),
+        "{}: {} triangles, {:.1} ms on {}",
+        picture.display(),
+        rendered.triangles,
         rendered.total_ms(),
         gpu.name()
     );
-    if rendered.counts.overflow() > 0 {
+    report_overflow(&rendered);
+    if let Some(rays) = options.reference {
+        compare(options, &scene, &shot, &rendered.pixels, radius, rays)?;
+    }
+    Ok(())
+}
+
+fn report_overflow(rendered: &Rendered) {
+    if rendered.surfels_made && rendered.counts.overflow() > 0 {
         println!(
             "{} surfels more found no room: --surfels sets how many do",
             rendered.counts.overflow()
         );
     }
-    if let Some(rays) = options.reference {
-        compare(options, &scene, &shot, &rendered.visibility, radius, rays)?;
+    let pieces = rendered.counts.piece_overflow(rendered.capacity);
+    if pieces > 0 {
+        println!("{pieces} pieces of triangles more found no room");
     }
-    Ok(())
 }
 
-fn stats(
-    gpu: &Gpu,
+/// Writes a picture as EXR and PNG, and says where the PNG is.
+fn write(
     options: &Options,
-    rendered: &Rendered,
-    preset: &Preset,
-    [width, height]: [u32; 2],
-    triangles: u32,
-    memory_bytes: u64,
-) -> serde_json::Value {
-    let passes: Vec<_> = rendered
-        .passes
-        .iter()
-        .map(|(name, ms)| serde_json::json!({ "name": name, "ms": ms }))
-        .collect();
-    serde_json::json!({
-        "adapter": gpu.adapter.name,
-        "driver": gpu.adapter.driver_info,
-        "width": width,
-        "height": height,
-        "triangles": triangles,
-        "triangles_rejected": rendered.counts.rejected,
-        "pieces": rendered.counts.pieces,
-        "surfels": rendered.counts.stored,
-        "surfel_overflow": rendered.counts.overflow(),
-        "levels": preset.splat.levels,
-        "total_ms": rendered.total_ms(),
-        "passes": passes,
-        "memory_bytes": memory_bytes,
-        "settings": {
-            "effect": options.effect,
-            "method": options.method,
-            "preset": options.preset,
-            "radius": if preset.splat.radius.is_finite() { Some(preset.splat.radius) } else { None },
-            "two_sided": options.two_sided,
-            "overlap": if options.independent { "independent" } else { "add" },
-            "radius_pixels": preset.surfelizer.radius_pixels,
-            "density": preset.surfelizer.density,
-            "epsilon": preset.splat.epsilon,
-            "unbounded": preset.splat.unbounded,
-            "filter_radius": preset.reconstructor.radius,
-            "plane_distance": preset.reconstructor.plane_distance,
-            "normal_power": preset.reconstructor.normal_power,
-        },
-    })
+    shot: &view::Shot,
+    pixels: &[[f32; 3]],
+    suffix: &str,
+) -> Result<PathBuf, String> {
+    let path = |kind: &str| {
+        options
+            .out
+            .join(format!("{}{suffix}.{kind}", options.effect))
+    };
+    let (width, height) = (shot.width, shot.height);
+    let png = path("png");
+    if options.gi() {
+        files::write_exr_rgb(&path("exr"), width, height, pixels)?;
+        files::write_png_rgb(&png, width, height, pixels, 2.0)?;
+    } else {
+        let grey: Vec<f32> = pixels.iter().map(|p| p[0]).collect();
+        files::write_exr(&path("exr"), width, height, &grey)?;
+        files::write_png(&png, width, height, &grey)?;
+    }
+    Ok(png)
+}
+
+/// The truth of each pixel; for ambient occlusion in all channels.
+fn truth(
+    options: &Options,
+    scene: &Scene,
+    shot: &view::Shot,
+    radius: f32,
+    rays: u32,
+) -> Result<Vec<Option<DVec3>>, String> {
+    let tracer = Tracer::new(&scene.positions, &scene.indices).map_err(|e| e.to_string())?;
+    let receivers: Vec<Option<Receiver>> = shot.receivers(scene, &tracer);
+    if !options.gi() {
+        let truth = tracer.ambient_occlusion_image(&receivers, f64::from(radius), rays, 1, true);
+        return Ok(truth
+            .into_iter()
+            .map(|estimate| estimate.map(|e| DVec3::splat(e.mean)))
+            .collect());
+    }
+    let materials = scene.triangle_materials();
+    let albedo = shot.albedo(scene, &tracer);
+    let truth = tracer.one_bounce_image(&receivers, &materials, &shot.lights(), rays, 1, true);
+    Ok(truth
+        .into_iter()
+        .zip(albedo)
+        .map(|(estimate, albedo)| estimate.map(|e| e.mean * albedo))
+        .collect())
 }
 
 fn compare(
     options: &Options,
-    scene: &scenes::Scene,
+    scene: &Scene,
     shot: &view::Shot,
-    visibility: &[f32],
+    pixels: &[[f32; 3]],
     radius: f32,
     rays: u32,
 ) -> Result<(), String> {
-    let tracer = Tracer::new(&scene.positions, &scene.indices).map_err(|e| e.to_string())?;
-    let receivers: Vec<Option<Receiver>> = shot.receivers(scene, &tracer);
-    let truth = tracer.ambient_occlusion_image(&receivers, f64::from(radius), rays, 1, true);
-    let mut sum = 0.0;
-    let mut bias = 0.0;
-    let mut count = 0_u32;
-    let mut image = vec![1.0; visibility.len()];
-    let mut difference = vec![0.0; visibility.len()];
-    for (i, estimate) in truth.iter().enumerate() {
-        if let Some(estimate) = estimate {
-            let error = f64::from(visibility[i]) - estimate.mean;
-            image[i] = estimate.mean as f32;
-            difference[i] = 4.0 * error.abs() as f32;
-            sum += error * error;
-            bias += error;
+    let truth = truth(options, scene, shot, radius, rays)?;
+    let (mut squares, mut bias, mut mean, mut count) = (0.0, 0.0, 0.0, 0_u32);
+    let empty = if options.gi() { [0.0; 3] } else { [1.0; 3] };
+    let mut image = vec![empty; pixels.len()];
+    let mut difference = vec![[0.0; 3]; pixels.len()];
+    for (i, truth) in truth.iter().enumerate() {
+        if let Some(truth) = truth {
+            let error = DVec3::from(pixels[i].map(f64::from)) - *truth;
+            image[i] = truth.as_vec3().to_array();
+            difference[i] = (4.0 * error.abs()).as_vec3().to_array();
+            squares += error.length_squared() / 3.0;
+            bias += error.element_sum() / 3.0;
+            mean += truth.element_sum() / 3.0;
             count += 1;
         }
     }
-    let path = |name: &str| options.out.join(name);
-    let [width, height] = [shot.width, shot.height];
-    files::write_exr(&path("ao_reference.exr"), width, height, &image)?;
-    files::write_png(&path("ao_reference.png"), width, height, &image)?;
-    files::write_png(&path("ao_difference_x4.png"), width, height, &difference)?;
+    write(options, shot, &image, "_reference")?;
+    write(options, shot, &difference, "_difference_x4")?;
     let n = f64::from(count.max(1));
     println!(
-        "against {rays} rays a pixel: RMSE {:.4}, bias {:+.4} over {count} pixels",
-        (sum / n).sqrt(),
-        bias / n
+        "against {rays} rays a pixel: RMSE {:.4}, bias {:+.4}, mean {:.4} over {count} pixels",
+        (squares / n).sqrt(),
+        bias / n,
+        mean / n
     );
     Ok(())
 }

@@ -3,9 +3,12 @@
 use std::collections::HashMap;
 
 use deep_screen_space::{
-    Camera, Viewport,
+    Camera, Light, Viewport,
     glam::DVec3,
-    reference::trace::{Receiver, Tracer},
+    reference::{
+        gbuffer,
+        trace::{Receiver, Tracer},
+    },
     scenes::Scene,
 };
 use serde::Deserialize;
@@ -24,6 +27,44 @@ pub struct Shot {
     pub near: f64,
     pub width: u32,
     pub height: u32,
+    /// What lights the scene besides its own emission.
+    #[serde(default)]
+    pub light: Option<Lamp>,
+}
+
+/// A light as the file of cameras has it.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(tag = "type", rename_all = "lowercase")]
+pub enum Lamp {
+    Directional {
+        direction: DVec3Array,
+        irradiance: [f32; 3],
+    },
+    Point {
+        position: DVec3Array,
+        intensity: [f32; 3],
+    },
+}
+
+impl From<Lamp> for Light {
+    fn from(lamp: Lamp) -> Self {
+        match lamp {
+            Lamp::Directional {
+                direction,
+                irradiance,
+            } => Self::Directional {
+                direction: direction.into(),
+                irradiance,
+            },
+            Lamp::Point {
+                position,
+                intensity,
+            } => Self::Point {
+                position: position.into(),
+                intensity,
+            },
+        }
+    }
 }
 
 type DVec3Array = [f64; 3];
@@ -61,18 +102,46 @@ impl Shot {
         .map_err(|e| e.to_string())
     }
 
+    pub fn lights(&self) -> Vec<Light> {
+        self.light.into_iter().map(Light::from).collect()
+    }
+
     /// What a ray through each pixel's centre sees.
     pub fn receivers(&self, scene: &Scene, tracer: &Tracer) -> Vec<Option<Receiver>> {
         let Ok(camera) = self.camera() else {
             return Vec::new();
         };
-        deep_screen_space::reference::gbuffer::receivers(
+        gbuffer::receivers(
             &camera,
             tracer,
             &scene.positions,
             &scene.normals,
             &scene.indices,
         )
+    }
+}
+
+impl Shot {
+    /// The albedo of what a ray through each pixel's centre sees; black for the sky.
+    pub fn albedo(&self, scene: &Scene, tracer: &Tracer) -> Vec<DVec3> {
+        let Ok(camera) = self.camera() else {
+            return Vec::new();
+        };
+        let materials = scene.triangle_materials();
+        gbuffer::cast(
+            &camera,
+            tracer,
+            &scene.positions,
+            &scene.normals,
+            &scene.indices,
+        )
+        .into_iter()
+        .map(|pixel| {
+            pixel.map_or(DVec3::ZERO, |p| {
+                DVec3::from(materials[p.triangle].albedo.map(f64::from))
+            })
+        })
+        .collect()
     }
 }
 
@@ -138,6 +207,19 @@ fn from_scene(options: &Options, scene: &Scene) -> Result<Shot, String> {
         near: view.near,
         width: 768,
         height: 512,
+        light: sun_unless_emissive(scene),
+    })
+}
+
+/// Late morning, for a scene without a light of its own.
+fn sun_unless_emissive(scene: &Scene) -> Option<Lamp> {
+    let dark = scene
+        .materials
+        .iter()
+        .all(|material| material.emission == [0.0; 3]);
+    dark.then_some(Lamp::Directional {
+        direction: [0.45, -0.8, -0.4],
+        irradiance: [3.2, 3.1, 2.9],
     })
 }
 
@@ -167,6 +249,7 @@ fn around(scene: &Scene) -> Shot {
         near: 1e-3 * size,
         width: 768,
         height: 512,
+        light: sun_unless_emissive(scene),
     }
 }
 

@@ -4,6 +4,7 @@
 #![allow(dead_code)]
 
 pub mod ambient_occlusion;
+pub mod bounced;
 pub mod files;
 pub mod gpu;
 pub mod presets;

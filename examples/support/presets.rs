@@ -1,13 +1,26 @@
-//! Three points on the curve of error over time (benches/trade draws all of it).
+//! Three points on the curve of error over time (benches/trade draws all of it), for each method.
 
-use deep_screen_space::{ReconstructorSettings, SplatSettings, SurfelizerSettings};
+use deep_screen_space::{
+    BouncedSettings, HitReconstructorSettings, ReconstructorSettings, SplatSettings,
+    SurfelizerSettings,
+};
 
-/// Settings of all passes.
+/// Settings of the passes that splat.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Preset {
     pub surfelizer: SurfelizerSettings,
     pub splat: SplatSettings,
     pub reconstructor: ReconstructorSettings,
+}
+
+/// Settings of the passes that bounce.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BouncedPreset {
+    pub surfelizer: SurfelizerSettings,
+    pub bounced: BouncedSettings,
+    pub reconstructor: HitReconstructorSettings,
+    /// Points at which each surfel is lit.
+    pub samples: u32,
 }
 
 pub const NAMES: [&str; 3] = ["fast", "balanced", "accurate"];
@@ -34,5 +47,34 @@ pub fn preset(name: &str, radius: f32) -> Option<Preset> {
             ..SplatSettings::default()
         },
         reconstructor: ReconstructorSettings::default(),
+    })
+}
+
+/// One of [`NAMES`], for hits nearer than `radius`.
+pub fn bounced_preset(name: &str, radius: f32) -> Option<BouncedPreset> {
+    let (directions, window, deviations, radius_pixels, samples) = match name {
+        "fast" => (4, 6, 0.0, 4.0, 1),
+        "balanced" => (16, 3, 0.0, 4.0, 4),
+        "accurate" => (64, 3, 0.0, 2.0, 4),
+        _ => return None,
+    };
+    Some(BouncedPreset {
+        surfelizer: SurfelizerSettings {
+            radius_pixels,
+            // Small triangles whole: hits are exact.
+            density: f32::INFINITY,
+            ..SurfelizerSettings::default()
+        },
+        bounced: BouncedSettings {
+            directions,
+            radius,
+            ..BouncedSettings::default()
+        },
+        reconstructor: HitReconstructorSettings {
+            radius: window,
+            deviations,
+            ..HitReconstructorSettings::default()
+        },
+        samples,
     })
 }

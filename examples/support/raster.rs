@@ -10,28 +10,42 @@ use super::{gpu::Gpu, scene::SceneBuffers};
 
 const SHADER: &str = r"
 struct View { clip_from_relative: mat4x4f, eye: vec4f }
+struct Material { albedo: vec3f, emission: vec3f }
 @group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<storage, read> materials: array<Material>;
 
 struct Vertex {
   @builtin(position) clip: vec4f,
   // From the eye.
   @location(0) relative: vec3f,
   @location(1) normal: vec3f,
+  @location(2) @interpolate(flat) material: u32,
 }
 
+struct Pixel {
+  @location(0) normal: vec4f,
+  @location(1) albedo: vec4f,
+}
+
+// A draw's instance is its material.
 @vertex
-fn vertex(@location(0) position: vec3f, @location(1) normal: vec3f) -> Vertex {
+fn vertex(
+  @location(0) position: vec3f,
+  @location(1) normal: vec3f,
+  @builtin(instance_index) material: u32,
+) -> Vertex {
   let relative = position - view.eye.xyz;
-  return Vertex(view.clip_from_relative * vec4f(relative, 1.0), relative, normal);
+  return Vertex(view.clip_from_relative * vec4f(relative, 1.0), relative, normal, material);
 }
 
 // The interpolated normal, on the side of the face that is seen.
 @fragment
-fn fragment(in: Vertex) -> @location(0) vec4f {
+fn fragment(in: Vertex) -> Pixel {
   var face = normalize(cross(dpdx(in.relative), dpdy(in.relative)));
   face = select(face, -face, dot(face, in.relative) > 0.0);
   let n = normalize(in.normal);
-  return vec4f(select(n, -n, dot(n, face) < 0.0), 0.0);
+  let side = select(n, -n, dot(n, face) < 0.0);
+  return Pixel(vec4f(side, 0.0), vec4f(materials[in.material].albedo, 1.0));
 }
 ";
 
@@ -58,10 +72,14 @@ pub fn perspective(vertical_fov_degrees: f64, aspect: f64, near: f64) -> DMat4 {
     ])
 }
 
+/// Linear and exact: what is reflected is to be compared with references.
+const ALBEDO: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
+
 /// The textures.
 pub struct Raster {
     pub depth: wgpu::TextureView,
     pub normal: wgpu::TextureView,
+    pub albedo: wgpu::TextureView,
 }
 
 impl Raster {
@@ -72,7 +90,7 @@ impl Raster {
             normal: &self.normal,
             normal_encoding: NormalEncoding::Signed,
             normal_space: NormalSpace::World,
-            albedo: None,
+            albedo: Some(&self.albedo),
         }
     }
 
@@ -83,18 +101,21 @@ impl Raster {
         let (width, height) = (viewport.width, viewport.height);
         let depth = gpu.target(wgpu::TextureFormat::Depth32Float, width, height);
         let normal = gpu.target(wgpu::TextureFormat::Rgba32Float, width, height);
+        let albedo = gpu.target(ALBEDO, width, height);
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: None,
-            entries: &[wgpu::BindGroupLayoutEntry {
-                binding: 0,
-                visibility: wgpu::ShaderStages::VERTEX,
-                ty: wgpu::BindingType::Buffer {
-                    ty: wgpu::BufferBindingType::Uniform,
-                    has_dynamic_offset: false,
-                    min_binding_size: None,
-                },
-                count: None,
-            }],
+            entries: &[
+                entry(
+                    0,
+                    wgpu::ShaderStages::VERTEX,
+                    wgpu::BufferBindingType::Uniform,
+                ),
+                entry(
+                    1,
+                    wgpu::ShaderStages::FRAGMENT,
+                    wgpu::BufferBindingType::Storage { read_only: true },
+                ),
+            ],
         });
         let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: None,
@@ -143,7 +164,10 @@ impl Raster {
                 module: &module,
                 entry_point: Some("fragment"),
                 compilation_options: wgpu::PipelineCompilationOptions::default(),
-                targets: &[Some(wgpu::TextureFormat::Rgba32Float.into())],
+                targets: &[
+                    Some(wgpu::TextureFormat::Rgba32Float.into()),
+                    Some(ALBEDO.into()),
+                ],
             }),
             multiview_mask: None,
             cache: None,
@@ -157,23 +181,31 @@ impl Raster {
         let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,
             layout: &layout,
-            entries: &[wgpu::BindGroupEntry {
-                binding: 0,
-                resource: uniform.as_entire_binding(),
-            }],
+            entries: &[
+                wgpu::BindGroupEntry {
+                    binding: 0,
+                    resource: uniform.as_entire_binding(),
+                },
+                wgpu::BindGroupEntry {
+                    binding: 1,
+                    resource: scene.materials.as_entire_binding(),
+                },
+            ],
         });
         let mut encoder = gpu.encoder();
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("gbuffer"),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &normal,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                    store: wgpu::StoreOp::Store,
-                },
-            })],
+            color_attachments: &[&normal, &albedo].map(|view| {
+                Some(wgpu::RenderPassColorAttachment {
+                    view,
+                    depth_slice: None,
+                    resolve_target: None,
+                    ops: wgpu::Operations {
+                        load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                        store: wgpu::StoreOp::Store,
+                    },
+                })
+            }),
             depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
                 view: &depth,
                 depth_ops: Some(wgpu::Operations {
@@ -189,9 +221,33 @@ impl Raster {
         pass.set_vertex_buffer(0, scene.positions.slice(..));
         pass.set_vertex_buffer(1, scene.normals.slice(..));
         pass.set_index_buffer(scene.indices.slice(..), wgpu::IndexFormat::Uint32);
-        pass.draw_indexed(0..scene.index_count, 0, 0..1);
+        for part in &scene.parts {
+            let end = part.first_index + part.index_count;
+            pass.draw_indexed(part.first_index..end, 0, part.material..part.material + 1);
+        }
         drop(pass);
         gpu.finish(encoder);
-        Self { depth, normal }
+        Self {
+            depth,
+            normal,
+            albedo,
+        }
+    }
+}
+
+fn entry(
+    binding: u32,
+    visibility: wgpu::ShaderStages,
+    ty: wgpu::BufferBindingType,
+) -> wgpu::BindGroupLayoutEntry {
+    wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility,
+        ty: wgpu::BindingType::Buffer {
+            ty,
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        },
+        count: None,
     }
 }

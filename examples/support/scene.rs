@@ -141,8 +141,10 @@ pub struct SceneBuffers {
     pub normals: wgpu::Buffer,
     pub indices: wgpu::Buffer,
     pub index_count: u32,
+    /// The material table.
+    pub materials: wgpu::Buffer,
+    pub parts: Vec<Part>,
     vertex_count: u32,
-    parts: Vec<Part>,
 }
 
 impl SceneBuffers {
@@ -153,6 +155,7 @@ impl SceneBuffers {
             normals: gpu.buffer(&scene.normals, BufferUsages::VERTEX),
             indices: gpu.buffer(&scene.indices, BufferUsages::INDEX | BufferUsages::STORAGE),
             index_count: scene.indices.len() as u32,
+            materials: gpu.buffer(&scene.material_table(), BufferUsages::STORAGE),
             vertex_count: scene.positions.len() as u32,
             parts: scene.parts.clone(),
         }

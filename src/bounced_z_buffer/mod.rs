@@ -18,7 +18,7 @@ use crate::{
     gbuffer::GBuffer,
     gpu::{
         Kernel, Timestamps,
-        binding::{self, FLOAT_2D, READ, UINT_2D, UNIFORM, WRITE, view, whole},
+        binding::{self, FLOAT_2D, READ, UINT_2D, UNIFORM, WRITE, whole},
         check_timestamps, compute_pass, shader, storage, uniform,
     },
     receivers::{Receivers, ReceiversPass, plane, plane_bytes},

@@ -1,0 +1,180 @@
+//! The ways to render a picture.
+
+use deep_screen_space::{
+    AmbientOcclusion, CloudCapacity, Overlap, Payload, SurfelCounts, scenes::Scene,
+};
+use serde_json::{Value, json};
+
+use crate::{
+    Options,
+    support::{
+        ambient_occlusion::Renderer, bounced::BouncedRenderer, gpu::Gpu, presets, raster::Raster,
+        scene::SceneBuffers,
+    },
+    view::Shot,
+};
+
+/// A picture and what it took.
+pub struct Rendered {
+    /// Radiance, or visibility in all channels; rows from the top.
+    pub pixels: Vec<[f32; 3]>,
+    pub triangles: u32,
+    pub capacity: CloudCapacity,
+    pub counts: SurfelCounts,
+    /// Whether the method makes surfels of the pieces at all.
+    pub surfels_made: bool,
+    passes: Vec<(&'static str, f64)>,
+    memory_bytes: u64,
+    settings: Value,
+}
+
+impl Rendered {
+    pub fn total_ms(&self) -> f64 {
+        self.passes.iter().map(|p| p.1).sum()
+    }
+
+    pub fn stats(&self, gpu: &Gpu, options: &Options, shot: &Shot, radius: f32) -> Value {
+        let passes: Vec<_> = self
+            .passes
+            .iter()
+            .map(|(name, ms)| json!({ "name": name, "ms": ms }))
+            .collect();
+        json!({
+            "adapter": gpu.adapter.name,
+            "driver": gpu.adapter.driver_info,
+            "width": shot.width,
+            "height": shot.height,
+            "effect": options.effect,
+            "method": options.method,
+            "preset": options.preset,
+            "radius": radius.is_finite().then_some(radius),
+            "triangles": self.triangles,
+            "triangles_rejected": self.counts.rejected,
+            "pieces": self.counts.pieces,
+            "piece_overflow": self.counts.piece_overflow(self.capacity),
+            "surfels": self.counts.stored,
+            "surfel_overflow": if self.surfels_made { self.counts.overflow() } else { 0 },
+            "total_ms": self.total_ms(),
+            "passes": passes,
+            "memory_bytes": self.memory_bytes,
+            "settings": self.settings,
+        })
+    }
+}
+
+fn capacity(buffers: &SceneBuffers, surfels: u32) -> CloudCapacity {
+    CloudCapacity {
+        surfels,
+        pieces: (buffers.triangles() + 200_000).min(2_700_000),
+        triangles: buffers.triangles(),
+    }
+}
+
+/// Renders twice, since drivers compile a pipeline when it first runs: the second time is the one to report.
+fn twice<T>(mut render: impl FnMut() -> Result<T, deep_screen_space::Error>) -> Result<T, String> {
+    render().map_err(|e| e.to_string())?;
+    render().map_err(|e| e.to_string())
+}
+
+/// Sums of form factors over surfels.
+pub fn splat(
+    gpu: &Gpu,
+    options: &Options,
+    scene: &Scene,
+    shot: &Shot,
+    radius: f32,
+) -> Result<Rendered, String> {
+    if options.gi() {
+        return Err("--method splat has no --effect gi; --method bounced has".into());
+    }
+    let camera = shot.camera()?;
+    let preset = presets::preset(&options.preset, radius).ok_or("no such preset")?;
+    let buffers = SceneBuffers::new(gpu, scene);
+    let raster = Raster::draw(gpu, &buffers, &camera);
+    let capacity = capacity(&buffers, options.surfels);
+    let effect = AmbientOcclusion {
+        two_sided: options.two_sided,
+        overlap: if options.independent {
+            Overlap::Independent
+        } else {
+            Overlap::Add
+        },
+    };
+    let size = [shot.width, shot.height];
+    let mut renderer = Renderer::new(gpu, effect, capacity, size, preset.splat.levels, false)
+        .map_err(|e| e.to_string())?;
+    let meshes = buffers.meshes();
+    let rendered = twice(|| renderer.render(gpu, &raster, &meshes, &camera, &preset))?;
+    Ok(Rendered {
+        pixels: rendered.visibility.iter().map(|&v| [v; 3]).collect(),
+        triangles: buffers.triangles(),
+        capacity,
+        counts: rendered.counts,
+        surfels_made: true,
+        memory_bytes: renderer.memory_bytes(),
+        passes: rendered.passes,
+        settings: json!({
+            "two_sided": options.two_sided,
+            "overlap": if options.independent { "independent" } else { "add" },
+            "radius_pixels": preset.surfelizer.radius_pixels,
+            "density": preset.surfelizer.density,
+            "levels": preset.splat.levels,
+            "epsilon": preset.splat.epsilon,
+            "unbounded": preset.splat.unbounded,
+            "filter_radius": preset.reconstructor.radius,
+            "plane_distance": preset.reconstructor.plane_distance,
+            "normal_power": preset.reconstructor.normal_power,
+        }),
+    })
+}
+
+/// Nearest hits along directions of each pixel.
+pub fn bounced(
+    gpu: &Gpu,
+    options: &Options,
+    scene: &Scene,
+    shot: &Shot,
+    radius: f32,
+) -> Result<Rendered, String> {
+    let camera = shot.camera()?;
+    let mut preset = presets::bounced_preset(&options.preset, radius).ok_or("no such preset")?;
+    if let Some(directions) = options.directions {
+        preset.bounced.directions = directions;
+    }
+    if let Some(window) = options.window {
+        preset.reconstructor.radius = window;
+    }
+    let buffers = SceneBuffers::new(gpu, scene);
+    let raster = Raster::draw(gpu, &buffers, &camera);
+    let surfels_made = options.gi();
+    let capacity = capacity(&buffers, if surfels_made { options.surfels } else { 0 });
+    let payload = if options.gi() {
+        Payload::Radiance
+    } else {
+        Payload::Occlusion
+    };
+    let size = [shot.width, shot.height];
+    let directions = preset.bounced.directions;
+    let mut renderer = BouncedRenderer::new(gpu, payload, capacity, size, directions, false)
+        .map_err(|e| e.to_string())?;
+    let lights = shot.lights();
+    let picture = twice(|| renderer.render(gpu, &raster, &buffers, &camera, &lights, &preset))?;
+    Ok(Rendered {
+        pixels: picture.radiance(),
+        triangles: buffers.triangles(),
+        capacity,
+        counts: picture.counts,
+        surfels_made,
+        memory_bytes: renderer.memory_bytes(),
+        passes: picture.passes,
+        settings: json!({
+            "radius_pixels": preset.surfelizer.radius_pixels,
+            "directions": directions,
+            "window": preset.reconstructor.radius,
+            "plane_distance": preset.reconstructor.plane_distance,
+            "normal_power": preset.reconstructor.normal_power,
+            "deviations": preset.reconstructor.deviations,
+            "light_samples": preset.samples,
+        }),
+    })
+}
