@@ -106,7 +106,7 @@ fn trace(@builtin(global_invocation_id) id: vec3u) {
 #if STATISTICS
   atomicAdd(&statistics[0], 1u);
   atomicAdd(&statistics[1], nodes_tested);
-  atomicAdd(&statistics[2], senders_tested);
+  atomicAdd(&statistics[2], leaves_tested);
   atomicAdd(&statistics[3], select(0u, 1u, hit.sender != NO_SENDER));
 #endif
 }

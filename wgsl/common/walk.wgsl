@@ -103,14 +103,44 @@ fn meet_leaf(ray: Ray, leaf: u32) -> vec4f {
 
 #if STATISTICS
 var<private> nodes_tested: u32;
-var<private> senders_tested: u32;
+var<private> leaves_tested: u32;
 #endif
 
-// The nearest hit closer than t_max; of two at the same distance that of the sender that comes first. With `any` the
-// first one found.
-//
-// Of the nodes on the way down from the top, two words keep which of their four are still to be visited: four bits a
-// depth. The lowest bit is the next.
+// Nodes of a ray still to be visited: of each node on the way down from the top, which of its four. Four bits a depth, so
+// that the lowest bit is the next.
+struct Open {
+  bits: vec2u,
+}
+
+fn with_node(open: Open, depth: u32, bits: u32) -> Open {
+  let shift = (4u * depth) & 31u;
+  return Open(open.bits | select(vec2u(bits << shift, 0u), vec2u(0u, bits << shift), depth >= 8u));
+}
+
+fn is_empty(open: Open) -> bool {
+  return (open.bits.x | open.bits.y) == 0u;
+}
+
+fn next_of(open: Open) -> u32 {
+  return select(countTrailingZeros(open.bits.y) + 32u, countTrailingZeros(open.bits.x), open.bits.x != 0u);
+}
+
+fn without_next(open: Open) -> Open {
+  let b = open.bits;
+  return Open(select(vec2u(0u, b.y & (b.y - 1u)), vec2u(b.x & (b.x - 1u), b.y), b.x != 0u));
+}
+
+fn least4(v: vec4f) -> f32 {
+  return min(min(v.x, v.y), min(v.z, v.w));
+}
+
+// The first of four that is the least.
+fn which4(v: vec4f, least: f32) -> u32 {
+  return select(select(select(3u, 2u, v.z == least), 1u, v.y == least), 0u, v.x == least);
+}
+
+// The nearest hit closer than t_max; of two at the same distance that of the sender that comes first in the walk. With
+// `any` the first one found.
 fn walk(ray: Ray, count: u32, capacity: u32, t_max: f32, any: bool) -> Hit {
   var hit = Hit(t_max, NO_SENDER);
   if count == 0u {
@@ -118,41 +148,47 @@ fn walk(ray: Ray, count: u32, capacity: u32, t_max: f32, any: bool) -> Hit {
   }
   var depth = top_of(count);
   var i = 0u;
-  var open = vec2u(0u);
+  var open = Open(vec2u(0u));
   var done = false;
   while !done {
+    // Down to the next leaf: of a node's four first into the one that the ray enters first.
     while depth > 0u && !done {
 #if STATISTICS
       nodes_tested++;
 #endif
       let enter = enter_node(ray, depth_offset(capacity, depth) + i, hit.t);
-      let meets = enter < vec4f(FAR);
-      let bits = select(0u, 1u, meets.x) | select(0u, 2u, meets.y) | select(0u, 4u, meets.z) | select(0u, 8u, meets.w);
-      let shift = (4u * depth) & 31u;
-      open |= select(vec2u(bits << shift, 0u), vec2u(0u, bits << shift), depth >= 8u);
-      // The next one.
-      let low = select(countTrailingZeros(open.y) + 32u, countTrailingZeros(open.x), open.x != 0u);
-      done = all(open == vec2u(0u));
-      open = select(vec2u(0u, open.y & (open.y - 1u)), vec2u(open.x & (open.x - 1u), open.y), open.x != 0u);
-      let parent = low / 4u;
-      i = ((i >> (2u * (parent - depth))) << 2u) + (low & 3u);
+      let nearest = least4(enter);
+      let into = nearest < FAR;
+      let which = which4(enter, nearest);
+      let met = vec4u(1u, 2u, 4u, 8u) * select(vec4u(0u), vec4u(1u), enter < vec4f(FAR));
+      let others = (met.x | met.y | met.z | met.w) & ~(1u << which);
+      // Or, where it enters none, to the next one that is open.
+      let next = next_of(open);
+      done = !into && is_empty(open);
+      let parent = select(next / 4u, depth, into || done);
+      let child = select(next & 3u, which, into);
+      i = ((i >> (2u * (parent - depth))) << 2u) + child;
+      if into {
+        open = with_node(open, depth, others);
+      } else {
+        open = without_next(open);
+      }
       depth = parent - 1u;
     }
     if !done {
 #if STATISTICS
-      senders_tested++;
+      leaves_tested++;
 #endif
       let t = meet_leaf(ray, i);
-      let nearest = min(min(t.x, t.y), min(t.z, t.w));
+      let nearest = least4(t);
       if nearest < hit.t {
-        let which = select(select(select(3u, 2u, t.z == nearest), 1u, t.y == nearest), 0u, t.x == nearest);
-        hit = Hit(nearest, i * 4u + which);
+        hit = Hit(nearest, i * 4u + which4(t, nearest));
       }
-      done = any && hit.sender != NO_SENDER || all(open == vec2u(0u));
-      let low = select(countTrailingZeros(open.y) + 32u, countTrailingZeros(open.x), open.x != 0u);
-      open = select(vec2u(0u, open.y & (open.y - 1u)), vec2u(open.x & (open.x - 1u), open.y), open.x != 0u);
-      let parent = select(low / 4u, 1u, done);
-      i = ((i >> (2u * parent)) << 2u) + (low & 3u);
+      done = (any && hit.sender != NO_SENDER) || is_empty(open);
+      let next = next_of(open);
+      let parent = select(next / 4u, 1u, done);
+      i = ((i >> (2u * parent)) << 2u) + (next & 3u);
+      open = without_next(open);
       depth = parent - 1u;
     }
   }
