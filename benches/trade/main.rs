@@ -1,11 +1,12 @@
 //! Error against time of ambient occlusion, method by method and a knob at a time: `cargo bench --bench trade`.
 //!
 //! Renders one view of each of the crate's scenes, within the scene's radius and without one: by splatting with the
-//! preset `balanced`, with one setting after the other turned away from it, and by what a depth buffer alone allows, with
-//! ever more slices and taps. Errors are against rays traced through the same pixels, with the rays' own noise taken
+//! preset `balanced`, with one setting after the other turned away from it, by the bounced z-buffer likewise, and by what a
+//! depth buffer alone allows, with ever more slices and taps. Errors are against rays traced through the same pixels, with the rays' own noise taken
 //! out. Times are wall clock, a submission a pass, the fastest of a few runs; they count only beside each other, so every
 //! one is given as a ratio to `balanced` in the same view too. Each row's `work` is the part of the cost that is the same
-//! on every machine: for splatting the surfel-pixel pairs that were evaluated.
+//! on every machine: for splatting the surfel-pixel pairs that were evaluated, for the bounced z-buffer the bounds and runs
+//! of triangles that rays were tested against.
 //!
 //! `depth_alone_rmse` is what exact rays find against the surface that the pixels themselves form, with nothing behind it.
 //! It bounds no method that guesses what is behind: horizons take all of it for solid, and are right where it is.
@@ -14,6 +15,7 @@
 //! infinity), and pictures of means over scenes: `trade-radius.png` and `trade-unbounded.png`, a line a method, and
 //! `trade.png`, a line a knob of the splatter.
 
+mod bounced;
 #[path = "../support/canvas.rs"]
 mod canvas;
 #[path = "../support/chart.rs"]
@@ -31,6 +33,7 @@ mod table;
 
 use std::{path::Path, process::ExitCode};
 
+use bounced::Bounced;
 use clap::Parser;
 use deep_screen_space::scenes;
 use horizon::Horizon;
@@ -105,6 +108,7 @@ fn run(options: &Options) -> Result<(), String> {
     for scene in &scenes {
         let stage = Stage::new(&gpu, &effort, scene)?;
         let mut splat = Splat::new(&stage)?;
+        let mut bounced = Bounced::new(&stage)?;
         let mut horizon = Horizon::new(&stage);
         for radius in [scene.ao_radius, f32::INFINITY] {
             let mut measurement = Measurement {
@@ -117,6 +121,7 @@ fn run(options: &Options) -> Result<(), String> {
             };
             // All times are relative to the first.
             measurement.of(&mut splat)?;
+            measurement.of(&mut bounced)?;
             measurement.of(&mut horizon)?;
         }
     }

@@ -1,0 +1,140 @@
+//! The crate's bounced z-buffer: `balanced` with one knob turned, and all of them together from cheap to dear.
+
+use deep_screen_space::{CloudCapacity, Payload};
+use serde_json::{Value, json};
+
+use super::{
+    method::{Method, QUALITY, Shot, Variant},
+    stage::Stage,
+    support::{
+        bounced::BouncedRenderer,
+        presets::{self, BouncedPreset},
+    },
+};
+
+/// Directions and half width of the window, from cheap to dear.
+const LADDER: [[u32; 2]; 7] = [[1, 8], [2, 6], [4, 6], [9, 4], [16, 3], [36, 2], [64, 2]];
+
+/// The most directions that a variant asks for.
+const MAX_DIRECTIONS: u32 = 64;
+
+/// The renderers of one view.
+pub struct Bounced {
+    plain: BouncedRenderer,
+    /// Counts tests, and is slower for it.
+    counting: BouncedRenderer,
+}
+
+impl Bounced {
+    pub fn new(stage: &Stage<'_>) -> Result<Self, String> {
+        let triangles = stage.buffers.triangles();
+        let capacity = CloudCapacity {
+            surfels: 0,
+            pieces: triangles + 100_000,
+            triangles,
+        };
+        let renderer = |counting| {
+            let payload = Payload::Occlusion;
+            let size = stage.effort.size;
+            BouncedRenderer::new(stage.gpu, payload, capacity, size, MAX_DIRECTIONS, counting)
+                .map_err(|e| e.to_string())
+        };
+        Ok(Self {
+            plain: renderer(false)?,
+            counting: renderer(true)?,
+        })
+    }
+}
+
+impl Method for Bounced {
+    type Setting = BouncedPreset;
+    const NAME: &'static str = "bounced";
+
+    fn variants(&self, _: &Stage<'_>, radius: f32, _: bool) -> Vec<Variant<BouncedPreset>> {
+        let balanced = presets::bounced_preset("balanced", radius).expect("a preset of that name");
+        let mut all = Vec::new();
+        let mut push = |knob, value: String, setting| {
+            all.push(Variant {
+                knob,
+                value,
+                setting,
+            });
+        };
+        for [directions, window] in LADDER {
+            let mut preset = balanced;
+            preset.bounced.directions = directions;
+            preset.reconstructor.radius = window;
+            push(QUALITY, format!("{directions}, window {window}"), preset);
+        }
+        for directions in [1, 4, 16, 64] {
+            let mut preset = balanced;
+            preset.bounced.directions = directions;
+            push("directions", directions.to_string(), preset);
+        }
+        for window in [0, 1, 2, 3, 6, 10] {
+            let mut preset = balanced;
+            preset.reconstructor.radius = window;
+            push("window", window.to_string(), preset);
+        }
+        for density in [1.0, 4.0, 16.0, f32::INFINITY] {
+            let mut preset = balanced;
+            preset.surfelizer.density = density;
+            push("density", density.to_string(), preset);
+        }
+        all
+    }
+
+    fn describe(preset: &BouncedPreset) -> Value {
+        json!({
+            "directions": preset.bounced.directions,
+            "window": preset.reconstructor.radius,
+            "deviations": preset.reconstructor.deviations,
+            "radius_pixels": preset.surfelizer.radius_pixels,
+            "density": preset.surfelizer.density,
+        })
+    }
+
+    fn render(&mut self, stage: &Stage<'_>, preset: &BouncedPreset) -> Result<Shot, String> {
+        let picture = self
+            .plain
+            .render(
+                stage.gpu,
+                &stage.drawn,
+                &stage.buffers,
+                &stage.camera,
+                &[],
+                preset,
+            )
+            .map_err(|e| e.to_string())?;
+        Ok(Shot {
+            visibility: picture.visibility(),
+            passes: picture.passes,
+            note: None,
+        })
+    }
+
+    fn work(&mut self, stage: &Stage<'_>, preset: &BouncedPreset) -> Result<Value, String> {
+        self.counting
+            .render(
+                stage.gpu,
+                &stage.drawn,
+                &stage.buffers,
+                &stage.camera,
+                &[],
+                preset,
+            )
+            .map_err(|e| e.to_string())?;
+        let counts: Vec<u32> = stage.gpu.read_buffer(
+            self.counting
+                .view
+                .statistics()
+                .ok_or("the counting renderer counts")?,
+        );
+        Ok(json!({
+            "rays": counts[0],
+            "nodes": counts[1],
+            "leaves": counts[2],
+            "hits": counts[3],
+        }))
+    }
+}
