@@ -5,7 +5,10 @@ mod shot;
 #[path = "../examples/support/mod.rs"]
 mod support;
 
-use std::f64::consts::{PI, TAU};
+use std::{
+    f64::consts::{PI, TAU},
+    sync::OnceLock,
+};
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, Camera, CloudCapacity, Error,
@@ -113,6 +116,8 @@ struct Stage {
     radiance: wgpu::Buffer,
     bounced: [BouncedZBuffer; 2],
     bounds: SenderBounds,
+    /// By payload, then by whether they defer, each made when it is needed.
+    reconstructors: [[OnceLock<HitReconstructor>; 2]; 2],
 }
 
 impl Stage {
@@ -183,6 +188,7 @@ impl Stage {
             radiance,
             bounced,
             bounds,
+            reconstructors: Default::default(),
             gpu,
         }
     }
@@ -215,14 +221,18 @@ impl Stage {
         target: &TextureView,
     ) -> Result<(), Error> {
         let device = &self.gpu.device;
-        let bounced = &self.bounced[usize::from(job.payload == Payload::Radiance)];
-        let descriptor = HitReconstructorDescriptor {
-            payload: job.payload,
-            sampling: Sampling::Glossy,
-            deferred: job.deferred,
-            target: TextureFormat::Rgba32Float,
-        };
-        let reconstructor = HitReconstructor::new(device, &descriptor, None)?;
+        let payload = usize::from(job.payload == Payload::Radiance);
+        let bounced = &self.bounced[payload];
+        let made = &self.reconstructors[payload][usize::from(job.deferred)];
+        let reconstructor = made.get_or_init(|| {
+            let descriptor = HitReconstructorDescriptor {
+                payload: job.payload,
+                sampling: Sampling::Glossy,
+                deferred: job.deferred,
+                target: TextureFormat::Rgba32Float,
+            };
+            HitReconstructor::new(device, &descriptor, None).expect("pipelines")
+        });
         let view = bounced.create_view(device, SIDE, SIDE, job.directions)?;
         let scratch = reconstructor.create_view(device, SIDE, SIDE)?;
         let traced = BouncedSettings {
@@ -512,5 +522,202 @@ fn a_window_shares_hits_of_rough_receivers() {
             );
             assert!(mean < 0.03, "{inputs}: mean off by {mean}");
         }
+    }
+}
+
+/// A rough half beside a mirror: the mirror stays one, and so does a crease between two normals.
+#[test]
+fn lobes_that_differ_do_not_mix() {
+    let stage = Stage::new(&camera());
+    let halves: Vec<f32> = (0..SIDE * SIDE)
+        .map(|i| if i % SIDE < SIDE / 2 { 0.0 } else { 0.8 })
+        .collect();
+    let halves = stage
+        .gpu
+        .texture(TextureFormat::R32Float, SIDE, SIDE, &halves);
+    let job = Job { radius: 4, ..JOB };
+    let alone = stage.picture(&JOB, &stage.constant(0.0));
+    let found = stage.picture(&job, &halves);
+    let rough = stage.picture(&JOB, &halves);
+    let (mut mirrors, mut changed) = (0, 0);
+    for (i, pixel) in stage.shot.pixels.iter().enumerate() {
+        if pixel.is_none() {
+            continue;
+        }
+        let off = wide(found[i]).distance(wide(alone[i]));
+        if (i as u32) % SIDE < SIDE / 2 {
+            mirrors += 1;
+            assert!(off < 1e-5, "pixel {i}: a mirror blurred by {off}");
+        } else {
+            changed += i32::from(wide(found[i]).distance(wide(rough[i])) > 1e-3);
+        }
+    }
+    assert!(
+        mirrors > 1000 && changed > 1000,
+        "{mirrors} mirrors, {changed} rough pixels that a window changed"
+    );
+}
+
+/// Roughness that is no number or none of 0…1, normals that face away, and few directions.
+#[test]
+fn extremes_stay_finite() {
+    let mut stage = Stage::new(&camera());
+    let odd = [f32::NAN, f32::INFINITY, -1.0, 0.0, 1e-30, 1e-3, 0.5, 7.0];
+    let roughness: Vec<f32> = (0..(SIDE * SIDE) as usize)
+        .map(|i| odd[(i / 3) % odd.len()])
+        .collect();
+    let roughness = stage
+        .gpu
+        .texture(TextureFormat::R32Float, SIDE, SIDE, &roughness);
+    let depth: Vec<f32> = stage
+        .shot
+        .pixels
+        .iter()
+        .map(|p| p.map_or(stage.shot.camera.background_depth(), |p| p.depth as f32))
+        .collect();
+    let normal: Vec<[f32; 4]> = (0..)
+        .zip(&stage.shot.pixels)
+        .map(|(i, pixel)| {
+            let Some(pixel) = pixel else { return [0.0; 4] };
+            let to_eye = (stage.shot.camera.eye() - pixel.receiver.position).normalize();
+            let across = to_eye.any_orthonormal_vector();
+            let n = [
+                to_eye,
+                -to_eye,
+                across,
+                across - 0.7 * to_eye,
+                across * 1e-20,
+            ][i % 5];
+            n.as_vec3().extend(0.0).to_array()
+        })
+        .collect();
+    let Stage { gpu, shot, .. } = &mut stage;
+    shot.upload(gpu, &depth, &normal);
+    for payload in [Payload::Radiance, Payload::Occlusion] {
+        for directions in [0, 1, 9] {
+            for deferred in [true, false] {
+                let job = Job {
+                    payload,
+                    directions,
+                    deferred,
+                    radius: 2,
+                    ..JOB
+                };
+                for (i, texel) in stage.picture(&job, &roughness).iter().enumerate() {
+                    // No more than the brightest panel, and no less than nothing.
+                    let fits = |x: f32| (0.0..2.0).contains(&x);
+                    assert!(texel.iter().all(|&x| fits(x)), "{job:?}, {i}: {texel:?}");
+                }
+            }
+        }
+    }
+}
+
+/// A viewport within larger textures gives the same bits as textures of its size, in any format of roughness.
+#[test]
+fn viewports_and_formats() {
+    let stage = Stage::new(&camera());
+    let gpu = &stage.gpu;
+    let roughness = |i: u32| ((i * 37) % 256) as u8;
+    let (x0, y0, width, height) = (5, 9, SIDE + 8, SIDE + 16);
+    // The index of the viewport's pixel at a texel of the larger texture.
+    let pixel_at = |texel: u32| {
+        let (x, y) = (texel % width, texel / width);
+        let inside = (x0..x0 + SIDE).contains(&x) && (y0..y0 + SIDE).contains(&y);
+        inside.then(|| (y - y0) * SIDE + x - x0)
+    };
+    let job = Job { radius: 1, ..JOB };
+    let plain: Vec<f32> = (0..SIDE * SIDE)
+        .map(|i| f32::from(roughness(i)) / 255.0)
+        .collect();
+    let plain = gpu.texture(TextureFormat::R32Float, SIDE, SIDE, &plain);
+    let expected = stage.picture(&job, &plain);
+
+    let background = stage.shot.camera.background_depth();
+    let pixel = |texel| pixel_at(texel).and_then(|i| stage.shot.pixels[i as usize]);
+    let texels = 0..width * height;
+    let depth: Vec<f32> = texels
+        .clone()
+        .map(|t| pixel(t).map_or(background, |p| p.depth as f32))
+        .collect();
+    let normal: Vec<[f32; 4]> = texels
+        .clone()
+        .map(|t| {
+            let n = pixel(t).map_or(DVec3::ZERO, |p| p.receiver.shading_normal);
+            n.as_vec3().extend(0.0).to_array()
+        })
+        .collect();
+    let bytes: Vec<[u8; 4]> = texels
+        .map(|t| [pixel_at(t).map_or(77, roughness), 1, 2, 3])
+        .collect();
+    let depth = gpu.texture(TextureFormat::R32Float, width, height, &depth);
+    let normal = gpu.texture(TextureFormat::Rgba32Float, width, height, &normal);
+    let rough = gpu.texture(TextureFormat::Rgba8Unorm, width, height, &bytes);
+    let gbuffer = GBuffer {
+        depth: &depth,
+        normal: &normal,
+        ..stage.shot.gbuffer()
+    };
+    let viewport = Viewport {
+        x: x0,
+        y: y0,
+        width: SIDE,
+        height: SIDE,
+    };
+    let moved = camera_with(perspective(40.0, 1.0, 0.1), viewport);
+    let target = gpu.target(TextureFormat::Rgba32Float, width, height);
+    stage
+        .draw(&job, &moved, gbuffer, Some(&rough), &target)
+        .expect("a picture");
+    let found: Vec<[f32; 4]> = gpu.read_texture(target.texture(), 0);
+    for (texel, found) in (0..).zip(found) {
+        let expected = pixel_at(texel).map_or([0.0; 4], |i| expected[i as usize]);
+        // Unorm roughness may differ from the quotient by a rounding.
+        let off = wide(found).distance(wide(expected));
+        assert!(
+            off < 1e-4,
+            "texel {texel}: {found:?}, expected {expected:?}"
+        );
+    }
+}
+
+#[test]
+fn what_does_not_fit_is_a_typed_error() {
+    let stage = Stage::new(&camera());
+    let gpu = &stage.gpu;
+    let target = gpu.target(TextureFormat::Rgba32Float, SIDE, SIDE);
+    let draw = |roughness: Option<&TextureView>| {
+        let shot = &stage.shot;
+        stage.draw(&JOB, &shot.camera, shot.gbuffer(), roughness, &target)
+    };
+    let refused = draw(None);
+    assert!(
+        matches!(&refused, Err(Error::Mismatch { name, .. }) if *name == "BouncedInput::roughness"),
+        "{refused:?}"
+    );
+    let small = gpu.texture(TextureFormat::R32Float, 2, 2, &[0.5_f32; 4]);
+    let refused = draw(Some(&small));
+    assert!(
+        matches!(&refused, Err(Error::Size { name, .. }) if *name == "BouncedInput::roughness"),
+        "{refused:?}"
+    );
+    for format in [TextureFormat::R8Snorm, TextureFormat::R8Uint] {
+        let texels = vec![0_u8; (SIDE * SIDE) as usize];
+        let refused = draw(Some(&gpu.texture(format, SIDE, SIDE, &texels)));
+        assert!(
+            matches!(&refused, Err(Error::Format { name, .. }) if *name == "BouncedInput::roughness"),
+            "{refused:?}"
+        );
+    }
+    for f0 in [-0.1, 1.1, f32::NAN] {
+        let settings = HitReconstructorSettings {
+            f0: [0.0, f0, 1.0],
+            ..HitReconstructorSettings::default()
+        };
+        let refused = settings.validate();
+        assert!(
+            matches!(&refused, Err(Error::Setting { field, .. }) if *field == "HitReconstructorSettings::f0"),
+            "{f0}: {refused:?}"
+        );
     }
 }
