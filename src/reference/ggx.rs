@@ -7,6 +7,15 @@ use glam::{DMat3, DVec2, DVec3};
 
 use super::directions::{concentric_disk, tangent_frame};
 
+/// What reaches the eye of a direction's light, and how much the direction counts in a mean.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mirrored {
+    /// Radiance.
+    pub radiance: DVec3,
+    /// Weight in the mean.
+    pub weight: f64,
+}
+
 /// The narrowest distribution.
 pub const MIN_ALPHA: f64 = 1e-3;
 /// How far above the horizon a view is at least taken to be, as a cosine.
@@ -115,6 +124,38 @@ impl Lobe {
     pub fn schlick(&self, f0: DVec3, facet: DVec3) -> DVec3 {
         let m = (1.0 - self.view.dot(facet)).clamp(0.0, 1.0);
         f0 + (1.0 - f0) * m.powi(5)
+    }
+
+    /// What the lobe sends on of the radiance along one of its own directions, or a neighbour's: `mirrored` of
+    /// `wgsl/hit_reconstructor.wgsl`, with radiance.
+    pub fn mirrored(&self, light: DVec3, facet: DVec3, f0: DVec3, radiance: DVec3) -> Mirrored {
+        Mirrored {
+            radiance: self.share(light) * self.schlick(f0, facet) * radiance,
+            weight: 1.0,
+        }
+    }
+
+    /// The same of a neighbour's direction, weighed by how much denser this lobe draws it: `mirrored_deferred`.
+    pub fn mirrored_deferred(
+        &self,
+        other: &Self,
+        drawn: &GlossyDirection,
+        f0: DVec3,
+        radiance: DVec3,
+    ) -> Mirrored {
+        let light = self.frame.transpose() * (other.frame * drawn.light);
+        if drawn.light.z <= 0.0 && light.z > 0.0 {
+            return Mirrored {
+                radiance: DVec3::ZERO,
+                weight: 0.0,
+            };
+        }
+        let facet = self.facet_of(light);
+        let ratio = (self.pdf(facet) / other.pdf(drawn.facet).max(1e-30)).min(MAX_RATIO);
+        Mirrored {
+            weight: ratio,
+            ..self.mirrored(light, facet, f0, radiance)
+        }
     }
 
     /// How much two pixels' lobes overlap, 0…1, where the pixels are an angle `parallax` apart.
