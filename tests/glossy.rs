@@ -510,9 +510,9 @@ fn a_window_shares_hits_of_rough_receivers() {
         let truths = stage.truths(Payload::Radiance, roughness);
         let rmse = |radius, deferred, directions, frames| {
             let job = Job {
+                directions,
                 radius,
                 deferred,
-                directions,
                 ..JOB
             };
             errors(&stage.mean_picture(&job, &texture, frames), &truths)
