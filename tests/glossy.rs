@@ -520,7 +520,7 @@ fn a_window_shares_hits_of_rough_receivers() {
         let [alone, _] = rmse(0, true, 4, 1);
         for deferred in [true, false] {
             let [windowed, _] = rmse(3, deferred, 4, 1);
-            let [bias, mean] = rmse(3, deferred, 16, 2);
+            let [bias, mean] = rmse(3, deferred, 9, 1);
             let inputs = format!("roughness {roughness}, deferred {deferred}");
             println!(
                 "{inputs}: {alone:.3} alone, {windowed:.3} windowed, bias {bias:.3}, mean {mean:.4}"
@@ -623,11 +623,13 @@ fn the_window_is_its_mirror() {
         let expected = sum / weights;
         let off = wide(found[at]).distance(expected);
         pixels += 1;
+        // Drivers' sines, over the narrowest lobe's alpha of 0.02.
         worst = worst.max(off);
-        far_off += i32::from(off > 1e-4 * (0.1 + expected.length()));
-        // Where a direction is on one side of the horizon here and on the other there, a hit more or less counts.
+        far_off += i32::from(off > 1e-3 * (0.1 + expected.length()));
+        // Where a direction is on one side of the horizon here and on the other there, a hit more or less counts: of four
+        // and more, none brighter than 1.9.
         assert!(
-            off < 0.05,
+            off < 0.2,
             "pixel {x}, {y}: {:?}, expected {expected}",
             found[at]
         );

@@ -80,7 +80,7 @@ impl Lobe {
             .extend(self.view.z)
             .normalize();
         let disk = concentric_disk(point);
-        let r2 = disk.length_squared().min(1.0);
+        let r2 = (2.0 * point - 1.0).abs().max_element().powi(2);
         let c = 1.0 + v.z;
         let across = disk * (c * (2.0 - r2 * c)).max(0.0).sqrt() + v.truncate();
         let facet = (self.alpha * across)
