@@ -399,8 +399,8 @@ fn gpu_is_its_mirror() {
         };
         let drawn = lobe.direction(point);
         let off = wide(found.facet).distance(drawn.facet);
-        // The sum of a point on the cap and the view, known to 5e-7 and the disk's part of it to WGSL's 2^-11 of sines, is as long as this once
-        // it is squeezed by alpha.
+        // The sum of a point on the cap and the view is known to 5e-7, the disk's part of it to the 2^-11 that WGSL asks of
+        // sines. Once it is squeezed by alpha it is as long as this.
         let stretch = |v: DVec3, by: f64| (v.truncate() * by).extend(v.z);
         let unsqueezed = stretch(drawn.facet, 1.0 / lobe.alpha).normalize();
         let cap_view = stretch(lobe.view, lobe.alpha).normalize();
