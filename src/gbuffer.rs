@@ -182,6 +182,36 @@ pub(crate) fn check_plain(
     Ok(())
 }
 
+/// A view of roughness, checked where there is one; returned where it is needed.
+pub(crate) fn check_roughness<'v>(
+    name: &'static str,
+    view: Option<&'v TextureView>,
+    needed: bool,
+    viewport: Viewport,
+) -> Result<Option<&'v TextureView>, Error> {
+    let Some(view) = view else {
+        return if needed {
+            Err(Error::Mismatch {
+                name,
+                found: "none".into(),
+                needed: "one, for Sampling::Glossy".into(),
+            })
+        } else {
+            Ok(None)
+        };
+    };
+    check_plain(name, view, viewport, TextureUsages::TEXTURE_BINDING)?;
+    let format = view.texture().format();
+    if !samples_as_float(format) || is_snorm(format) {
+        return Err(Error::Format {
+            name,
+            format,
+            accepted: "a float or unorm format",
+        });
+    }
+    Ok(needed.then_some(view))
+}
+
 pub(crate) fn samples_as_float(format: Format) -> bool {
     !format.has_depth_aspect()
         && !format.has_stencil_aspect()

@@ -74,6 +74,7 @@ fn structs_match_the_shaders() {
         "reconstructor smooth",
         "reconstructor",
         "temporal_accumulator",
+        "bounced_z_buffer radiance glossy",
     ] {
         check(&ao, shader, "Camera", &camera, size_of::<CameraParams>());
     }
@@ -143,8 +144,13 @@ fn structs_match_the_shaders() {
     let bounced = fields!(BouncedParams: size, columns, rows, frame, words, piece_capacity, surfel_capacity, background,
         world_radius);
     let hits = fields!(HitReconstructorParams: camera, columns, rows, frame, words, radius, plane_distance,
-        normal_power, deviations);
-    for payload in ["occlusion", "radiance"] {
+        normal_power, deviations, f0);
+    for payload in [
+        "occlusion",
+        "radiance",
+        "occlusion glossy",
+        "radiance glossy",
+    ] {
         check(
             &ao,
             &format!("bounced_z_buffer {payload}"),

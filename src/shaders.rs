@@ -104,30 +104,33 @@ pub fn shaders(effect: &Effect) -> Result<Vec<Shader>, Error> {
         (Payload::Occlusion, "occlusion"),
         (Payload::Radiance, "radiance"),
     ] {
-        for statistics in [false, true] {
-            let descriptor = BouncedDescriptor {
-                payload,
-                statistics,
-                ..Default::default()
-            };
-            let statistics_name = if statistics { " statistics" } else { "" };
-            let name = format!("bounced_z_buffer {payload_name}{statistics_name}");
-            all.push(shader(&name, bounced_z_buffer::source(&descriptor)?, none));
-        }
-        for (deferred, stage, stage_name) in [
-            (false, HitStage::Average, "average"),
-            (false, HitStage::Reconstruct, "reconstruct"),
-            (true, HitStage::Reconstruct, "reconstruct deferred"),
-        ] {
-            let descriptor = HitReconstructorDescriptor {
-                payload,
-                sampling: Sampling::default(),
-                deferred,
-                target: wgpu::TextureFormat::Rgba16Float,
-            };
-            let name = format!("hit_reconstructor {payload_name} {stage_name}");
-            let source = hit_reconstructor::source(&descriptor, stage)?;
-            all.push(shader(&name, source, none));
+        for (sampling, sampling_name) in [(Sampling::Cosine, ""), (Sampling::Glossy, " glossy")] {
+            for statistics in [false, true] {
+                let descriptor = BouncedDescriptor {
+                    payload,
+                    sampling,
+                    statistics,
+                };
+                let statistics_name = if statistics { " statistics" } else { "" };
+                let name =
+                    format!("bounced_z_buffer {payload_name}{sampling_name}{statistics_name}");
+                all.push(shader(&name, bounced_z_buffer::source(&descriptor)?, none));
+            }
+            for (deferred, stage, stage_name) in [
+                (false, HitStage::Average, "average"),
+                (false, HitStage::Reconstruct, "reconstruct"),
+                (true, HitStage::Reconstruct, "reconstruct deferred"),
+            ] {
+                let descriptor = HitReconstructorDescriptor {
+                    payload,
+                    sampling,
+                    deferred,
+                    target: wgpu::TextureFormat::Rgba16Float,
+                };
+                let name = format!("hit_reconstructor {payload_name}{sampling_name} {stage_name}");
+                let source = hit_reconstructor::source(&descriptor, stage)?;
+                all.push(shader(&name, source, none));
+            }
         }
     }
     for smoothed in [false, true] {

@@ -7,7 +7,8 @@
 // walks over the bounds of runs of senders and skips what it misses (wgsl/common/walk.wgsl), so that a nearest hit takes
 // tens of tests in place of all senders within their splats' reach, and none is out of reach.
 //
-// Without #if RADIANCE a hit is a bit; with it, the radiance that the surfel at the hit sends.
+// Without #if RADIANCE a hit is a bit; with it, the radiance that the surfel at the hit sends. With #if GLOSSY directions
+// are those of the pixel's glossy lobe; those below its horizon are not traced.
 
 #import math
 #import packing
@@ -17,6 +18,10 @@
 #import rooms
 #import triangle
 #import directions
+#if GLOSSY
+#import camera
+#import ggx
+#endif
 
 alias Counter = u32;
 
@@ -59,6 +64,11 @@ override SAMPLING: u32 = 0u;
 // Rays, nodes and leaves that they were tested against, and rays that hit.
 @group(0) @binding(10) var<storage, read_write> statistics: array<atomic<u32>, 4>;
 #endif
+#if GLOSSY
+@group(0) @binding(11) var<uniform> camera: Camera;
+// Perceptual roughness, of the caller's.
+@group(0) @binding(12) var roughness_texture: texture_2d<f32>;
+#endif
 
 #import walk
 
@@ -91,8 +101,21 @@ fn trace(@builtin(global_invocation_id) id: vec3u) {
   let position = receiver_position(texel);
   let normal = unpack_normal(texel.w);
   let point = cell_point(pixel, id.z, params.columns, params.rows, params.frame);
-  let drawn = hemisphere_direction(point, normal, SAMPLING);
-  let ray = make_ray(off_surface(position, normal), drawn.direction);
+#if GLOSSY
+  let roughness = textureLoad(roughness_texture, camera.viewport.xy + pixel, 0).x;
+  let lobe = make_lobe(normal, to_camera(camera, position - camera.eye), roughness);
+  let drawn = glossy_direction(lobe, point);
+  if drawn.light.z <= 0.0 {
+#if RADIANCE
+    textureStore(hits, pixel, id.z, vec4u(0u));
+#endif
+    return;
+  }
+  let direction = lobe.frame * drawn.light;
+#else
+  let direction = hemisphere_direction(point, normal, SAMPLING).direction;
+#endif
+  let ray = make_ray(off_surface(position, normal), direction);
   let count = rooms_taken(counters.pieces, params.piece_capacity);
 #if RADIANCE
   let hit = walk(ray, count, params.piece_capacity, params.world_radius, false);

@@ -191,6 +191,7 @@ impl BouncedRenderer {
                     cloud: &self.cloud,
                     bounds: &self.bounds,
                     radiance: self.lighting.as_ref().map(|l| &l.radiance),
+                    roughness: None,
                     timestamps: None,
                 },
                 &preset.bounced,
@@ -205,6 +206,7 @@ impl BouncedRenderer {
                 encoder,
                 &HitReconstructorInput {
                     gbuffer: raster.gbuffer(),
+                    roughness: None,
                     camera,
                     cloud: &self.cloud,
                     hits: &self.view,

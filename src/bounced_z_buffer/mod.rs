@@ -15,7 +15,7 @@ use self::{
 use crate::{
     camera::Camera,
     error::{Error, check_setting},
-    gbuffer::GBuffer,
+    gbuffer::{GBuffer, check_roughness},
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_2D, READ, UINT_2D, UNIFORM, WRITE, whole},
@@ -71,6 +71,7 @@ impl BouncedDescriptor {
         let mut flags = Vec::new();
         flags.extend((self.payload == Payload::Radiance).then_some("RADIANCE"));
         flags.extend(self.statistics.then_some("STATISTICS"));
+        flags.extend((self.sampling == Sampling::Glossy).then_some("GLOSSY"));
         flags
     }
 }
@@ -159,6 +160,12 @@ pub struct BouncedInput<'a> {
     /// With [`Payload::Radiance`] a storage buffer of a [`SurfelRadiance`] for each surfel of the cloud, as the
     /// [`SurfelShader`](crate::SurfelShader) or the caller fills it.
     pub radiance: Option<&'a Buffer>,
+    /// With [`Sampling::Glossy`] the G-buffer's roughness: perceptual, 0 for a mirror to 1, its square being the width α
+    /// of the Trowbridge-Reitz distribution. The red channel of any float or unorm format, usage `TEXTURE_BINDING`,
+    /// covering the camera's viewport. Values beyond 0…1 are clamped, NaN counts as 1; α is at least 1e-3, below which
+    /// `f32` cannot tell a lobe's directions apart. A shading normal that faces away from the viewer is seen from just
+    /// above its horizon.
+    pub roughness: Option<&'a TextureView>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -191,6 +198,9 @@ impl BouncedZBuffer {
             ]),
         }
         entries.extend(descriptor.statistics.then_some((10, WRITE)));
+        if descriptor.sampling == Sampling::Glossy {
+            entries.extend([(11, UNIFORM), (12, FLOAT_2D)]);
+        }
         let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
         let module = shader::create(device, LABEL, source(descriptor)?);
         let trace = Kernel {
@@ -302,7 +312,8 @@ impl BouncedZBuffer {
     /// # Errors
     /// What [`GBuffer::validate`] and [`BouncedSettings::validate`] find; [`Error::Mismatch`] where the view was made for
     /// another payload or size or for fewer directions, or the bounds for another cloud; [`Error::Buffer`] for radiance
-    /// that is missing or too small; [`Error::Setting`] where radiance is asked for and the surfels are not leaves of
+    /// that is missing or too small; what [`GBuffer::validate`] finds of views, and [`Error::Mismatch`] where there is none,
+    /// for roughness; [`Error::Setting`] where radiance is asked for and the surfels are not leaves of
     /// their pieces ([`Placement::Grid`] and [`Placement::Random`]).
     pub fn record(
         &self,
@@ -319,6 +330,12 @@ impl BouncedZBuffer {
         input.bounds.check(input.cloud)?;
         self.check_view([viewport.width, viewport.height], settings, view)?;
         let radiance = self.check_radiance(input)?;
+        let roughness = check_roughness(
+            "BouncedInput::roughness",
+            input.roughness,
+            self.descriptor.sampling == Sampling::Glossy,
+            viewport,
+        )?;
 
         if let Some(statistics) = &view.statistics {
             encoder.clear_buffer(statistics, 0, None);
@@ -362,6 +379,10 @@ impl BouncedZBuffer {
         if let Some(statistics) = &view.statistics {
             resources.push((10, whole(statistics)));
         }
+        let camera =
+            roughness.map(|_| uniform(device, LABEL, &input.camera.params(cloud.origin())));
+        resources.extend(camera.as_ref().map(|camera| (11, whole(camera))));
+        resources.extend(roughness.map(|roughness| (12, binding::view(roughness))));
         let group = binding::group(device, LABEL, &self.layout, &resources);
         let mut pass = compute_pass(encoder, LABEL, input.timestamps);
         if settings.directions > 0 {

@@ -10,6 +10,11 @@ pub enum Sampling {
     Cosine,
     /// Uniform over the hemisphere, as in the paper for ambient occlusion. The Reconstructor weighs the hits.
     Uniform,
+    /// In proportion to the visible normals of a microfacet surface (The Bounced Z-buffer 3.1; Dupuy and Benyoub,
+    /// *Sampling Visible GGX Normals with Spherical Caps*, 2023), about the view's reflection: for glossy receivers, of
+    /// the roughness in [`BouncedInput::roughness`](crate::BouncedInput::roughness). Directions below the shading
+    /// normal's horizon are not traced and carry nothing.
+    Glossy,
 }
 
 impl Sampling {
@@ -18,6 +23,7 @@ impl Sampling {
         match self {
             Self::Cosine => 0,
             Self::Uniform => 1,
+            Self::Glossy => 2,
         }
     }
 }

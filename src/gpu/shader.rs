@@ -31,6 +31,7 @@ const COMMON: &[(&str, &str)] = &[
         "directions",
         include_str!("../../wgsl/common/directions.wgsl"),
     ),
+    ("ggx", include_str!("../../wgsl/common/ggx.wgsl")),
     (
         "effect_types",
         include_str!("../../wgsl/common/effect_types.wgsl"),

@@ -16,7 +16,7 @@ use crate::{
     },
     camera::Camera,
     error::Error,
-    gbuffer::{GBuffer, check_plain},
+    gbuffer::{GBuffer, check_plain, check_roughness},
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_2D, READ, UINT_2D, UINT_ARRAY, UNIFORM, view, whole},
@@ -35,6 +35,14 @@ const LABEL: &str = "deep-screen-space hit reconstructor";
 /// Gathers the hits of a [`BouncedZBuffer`](crate::BouncedZBuffer) over each pixel's neighbourhood and writes the effect
 /// into the caller's texture: with [`Payload::Occlusion`] ambient visibility, 1 = open, with [`Payload::Radiance`] the
 /// radiance that a matt surface of the G-buffer's albedo sends on, linear RGB, W/(m² sr). The sky is open, and dark.
+///
+/// With [`Sampling::Glossy`] the surface is glossy instead: `∫ L(ω) f(ω, view) ⟨n, ω⟩ dω` with `f = D G F / (4 ⟨n, ω⟩ ⟨n,
+/// view⟩)`, D and G those of Trowbridge-Reitz (GGX) with correlated heights (Heitz, *Understanding the Masking-Shadowing
+/// Function in Microfacet-Based BRDFs*, 2014), and F that of [`HitReconstructorSettings::f0`]; albedo is not read. Visibility
+/// is then weighed by `D G` alone. Without a window the mean over directions has no bias. With one a neighbour counts as far
+/// as its lobe overlaps the pixel's, a mirror's own hits alone; its hits count by how much denser the pixel would draw them,
+/// at most 4 times, divided by their sum, so that they are not as spread as they should be where lobes differ. What is
+/// mirrored is taken to be as far away as the eye: nearer things, as at contact, are blurred by a wide window.
 ///
 /// Holds pipelines only, for one kind of hits and one target format; one serves any number of views.
 #[derive(Debug)]
@@ -61,6 +69,17 @@ pub struct HitReconstructorDescriptor {
     pub target: TextureFormat,
 }
 
+impl HitReconstructorDescriptor {
+    fn glossy(&self) -> bool {
+        self.sampling == Sampling::Glossy
+    }
+
+    /// Whether it multiplies by the G-buffer's albedo.
+    fn albedo(&self) -> bool {
+        self.payload == Payload::Radiance && !self.glossy()
+    }
+}
+
 /// What a [`HitReconstructor`] needs for a view: each pixel's own mean.
 #[derive(Debug)]
 pub struct HitReconstructorView {
@@ -78,8 +97,10 @@ impl HitReconstructorView {
 /// What one recording of the [`HitReconstructor`] works on.
 #[derive(Clone, Copy, Debug)]
 pub struct HitReconstructorInput<'a> {
-    /// The G-buffer that was traced from; with [`Payload::Radiance`] its albedo is needed.
+    /// The G-buffer that was traced from; with [`Payload::Radiance`] its albedo is needed, unless receivers are glossy.
     pub gbuffer: GBuffer<'a>,
+    /// The roughness that was traced with, as [`BouncedInput::roughness`](crate::BouncedInput::roughness).
+    pub roughness: Option<&'a TextureView>,
     /// Its camera.
     pub camera: &'a Camera,
     /// The cloud that was traced.
@@ -120,7 +141,11 @@ impl HitReconstructor {
             shared[..2].to_vec()
         };
         reconstruct.push((3, FLOAT_2D));
-        reconstruct.extend(radiance.then_some((4, FLOAT_2D)));
+        reconstruct.extend(descriptor.albedo().then_some((4, FLOAT_2D)));
+        if descriptor.glossy() {
+            average.push((5, FLOAT_2D));
+            reconstruct.push((5, FLOAT_2D));
+        }
         let average_layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &average);
         let layout = binding::layout(device, LABEL, ShaderStages::FRAGMENT, &reconstruct);
         let module = |stage| -> Result<_, Error> {
@@ -197,6 +222,12 @@ impl HitReconstructor {
         check_timestamps(input.timestamps)?;
         let albedo = self.check(input, scratch)?;
         let viewport = input.camera.viewport();
+        let roughness = check_roughness(
+            "HitReconstructorInput::roughness",
+            input.roughness,
+            self.descriptor.glossy(),
+            viewport,
+        )?;
         let params = uniform(
             device,
             LABEL,
@@ -218,6 +249,7 @@ impl HitReconstructor {
         ];
         let mut resources = shared.to_vec();
         resources.push((3, view(&scratch.means)));
+        resources.extend(roughness.map(|roughness| (5, view(roughness))));
         let group = binding::group(device, LABEL, &self.average_layout, &resources);
         let mut pass = first_pass(encoder, LABEL, input.timestamps);
         pass.set_pipeline(&self.average);
@@ -292,7 +324,7 @@ impl HitReconstructor {
                 needed: format!("{size:?} pixels"),
             });
         }
-        if self.descriptor.payload == Payload::Occlusion {
+        if !self.descriptor.albedo() {
             return Ok(None);
         }
         match input.gbuffer.albedo {
@@ -300,7 +332,7 @@ impl HitReconstructor {
             None => Err(Error::Mismatch {
                 name: "GBuffer::albedo",
                 found: "none".into(),
-                needed: "one, for hits with radiance".into(),
+                needed: "one, for radiance of matt receivers".into(),
             }),
         }
     }
@@ -320,6 +352,8 @@ pub(crate) fn source(
 ) -> Result<String, Error> {
     let mut flags = Vec::new();
     flags.extend((descriptor.payload == Payload::Radiance).then_some("RADIANCE"));
+    flags.extend(descriptor.glossy().then_some("GLOSSY"));
+    flags.extend(descriptor.albedo().then_some("ALBEDO"));
     match stage {
         HitStage::Average => flags.extend(["AVERAGE", "HITS"]),
         HitStage::Reconstruct if descriptor.deferred => flags.extend(["DEFERRED", "HITS"]),

@@ -21,6 +21,8 @@ pub struct HitReconstructorParams {
     pub(crate) plane_distance: f32,
     pub(crate) normal_power: f32,
     pub(crate) deviations: f32,
+    pub(crate) f0: [f32; 3],
+    pub(crate) padding: u32,
 }
 
 impl HitReconstructorParams {
@@ -41,6 +43,8 @@ impl HitReconstructorParams {
             plane_distance: settings.plane_distance,
             normal_power: settings.normal_power,
             deviations: settings.deviations,
+            f0: settings.f0,
+            padding: 0,
         }
     }
 }

@@ -20,6 +20,11 @@ pub struct HitReconstructorSettings {
     /// the window. Both means are noisy: a small number of directions needs a larger one here. 0 (default) for no
     /// such test.
     pub deviations: f32,
+    /// Reflectance of glossy receivers seen straight on, linear RGB, 0…1 (Schlick, *An Inexpensive BRDF Model for
+    /// Physically-based Rendering*, 1994); of use with [`Sampling::Glossy`](crate::Sampling::Glossy) and
+    /// [`Payload::Radiance`](crate::Payload::Radiance) alone. Default 0.04, that of glass and most plastics; metals have
+    /// their colour.
+    pub f0: [f32; 3],
 }
 
 /// The widest window.
@@ -32,6 +37,7 @@ impl Default for HitReconstructorSettings {
             plane_distance: 2.0,
             normal_power: 8.0,
             deviations: 0.0,
+            f0: [0.04; 3],
         }
     }
 }
@@ -65,6 +71,15 @@ impl HitReconstructorSettings {
             "HitReconstructorSettings::deviations",
             self.deviations,
             "0 to 100",
-        )
+        )?;
+        for channel in self.f0 {
+            check_setting(
+                (0.0..=1.0).contains(&channel),
+                "HitReconstructorSettings::f0",
+                channel,
+                "0 to 1",
+            )?;
+        }
+        Ok(())
     }
 }

@@ -1,8 +1,10 @@
 //! CPU references (feature `reference`): a mirror in f64 of each pass, which reads line by line like its shader, and the
 //! ray-traced truth.
 
+pub mod directions;
 pub mod effects;
 pub mod gbuffer;
+pub mod ggx;
 pub mod hashing;
 pub mod light;
 pub mod packing;

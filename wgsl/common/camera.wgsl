@@ -18,6 +18,13 @@ struct Camera {
   padding: u32,
 }
 
+// Unit vector from a point relative to this camera's eye to where it is seen from.
+fn to_camera(camera: Camera, relative: vec3f) -> vec3f {
+  // Depth grows away from an orthographic camera, unless it is reversed.
+  let axis = camera.unproject[2].xyz * select(-1.0, 1.0, camera.far_depth == 0.0);
+  return normalize_or(select(axis, -relative, camera.perspective != 0u), vec3f(0.0, 0.0, 1.0));
+}
+
 // Side of a pixel at a point relative to this camera's eye, world units.
 fn footprint(camera: Camera, relative: vec3f) -> f32 {
   return camera.pixel * select(1.0, max(length(relative), camera.near), camera.perspective != 0u);
