@@ -76,6 +76,12 @@ fn node_at(tree: DiskTree, depth: u32, number: u32) -> u32 {
   return tree.first + depth_offset(tree.capacity, depth) + number;
 }
 
+// `radii`: the largest within each box, on level 0.
+fn store_disks(node: u32, boxes: array<Box, 4>, radii: vec4f) {
+  store_node(node, boxes);
+  nodes[node * NODE_TEXELS + 6u] = radii;
+}
+
 @compute @workgroup_size(64)
 fn build_first(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) thread: u32) {
   let place = place_of(linear_workgroup(workgroup) * 64u + thread);
@@ -83,16 +89,19 @@ fn build_first(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocatio
     return;
   }
   var boxes: array<Box, 4>;
+  var radii = vec4f(0.0);
   for (var k = 0u; k < 4u; k++) {
     boxes[k] = empty_box();
     for (var j = 0u; j < 4u; j++) {
       let rank = place.number * 16u + k * 4u + j;
       if rank < place.tree.count {
-        boxes[k] = merged(boxes[k], box_of(surfel_dealt(rank, place.sub_buffer, params.level)));
+        let surfel = surfel_dealt(rank, place.sub_buffer, params.level);
+        boxes[k] = merged(boxes[k], box_of(surfel));
+        radii[k] = max(radii[k], surfels[surfel].w);
       }
     }
   }
-  store_node(node_at(place.tree, params.depth, place.number), boxes);
+  store_disks(node_at(place.tree, params.depth, place.number), boxes, radii);
 }
 
 @compute @workgroup_size(64)
@@ -102,12 +111,16 @@ fn build_next(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation
     return;
   }
   var boxes: array<Box, 4>;
+  var radii = vec4f(0.0);
   let below = nodes_at(place.tree.count, params.depth - 1u);
   for (var k = 0u; k < 4u; k++) {
     boxes[k] = empty_box();
     if place.number * 4u + k < below {
-      boxes[k] = box_of_node(node_at(place.tree, params.depth - 1u, place.number * 4u + k));
+      let node = node_at(place.tree, params.depth - 1u, place.number * 4u + k);
+      boxes[k] = box_of_node(node);
+      let largest = nodes[node * NODE_TEXELS + 6u];
+      radii[k] = max(max(largest.x, largest.y), max(largest.z, largest.w));
     }
   }
-  store_node(node_at(place.tree, params.depth, place.number), boxes);
+  store_disks(node_at(place.tree, params.depth, place.number), boxes, radii);
 }

@@ -14,13 +14,16 @@ use crate::{
         binding::{self, READ, UNIFORM, WRITE, whole},
         compute_pass, dispatch, shader, uniform,
     },
-    sender_bounds::{NODE_TEXELS, VectorArray, depth_offset, nodes_at, top_of},
+    sender_bounds::{VectorArray, depth_offset, nodes_at, top_of},
     surfel::SurfelCloud,
 };
 
 pub(crate) const SOURCE: &str = include_str!("../../wgsl/disk_bounds.wgsl");
 
 const LABEL: &str = "deep-screen-space disk bounds";
+
+/// Vectors that a node has, as in the shader.
+const NODE_TEXELS: u64 = 7;
 
 /// Stands for infinity, as in the shader.
 const FAR: f32 = 1e18;
@@ -121,7 +124,7 @@ pub(crate) struct DiskBoundsPass {
 
 /// The module.
 pub(crate) fn source() -> Result<String, Error> {
-    shader::assemble("disk_bounds", SOURCE, &[], &[])
+    shader::assemble("disk_bounds", SOURCE, &["SENDER_DISKS"], &[])
 }
 
 impl DiskBoundsPass {

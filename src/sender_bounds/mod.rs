@@ -30,7 +30,7 @@ const DISPATCH_BYTES: u64 = 12;
 
 /// Texels of a row of the textures; vectors a node and a leaf have, as in the shader.
 const ROW: u64 = 4096;
-pub(crate) const NODE_TEXELS: u64 = 6;
+const NODE_TEXELS: u64 = 6;
 const LEAF_TEXELS: u64 = 9;
 
 /// Bounds over runs of four senders of a cloud that lie near each other, of four such runs, and so on: what a ray skips

@@ -59,10 +59,9 @@ fn meet_disk(ray: Ray, rank: u32) -> f32 {
     return FAR;
   }
   let t = height / slope;
-  let bound = radius_on(search.level, min(disks.shell_radii * disk.w, FAR));
-  let inner = select(0.0, 0.5 * bound, search.level > 0u);
-  let outer = select(bound, FAR, search.level + 1u == disks.levels);
-  if !(t > 0.0 && t >= inner && t < outer) {
+  let inner = 0.5 * radius_on(search.level, min(disks.shell_radii * disk.w, FAR));
+  let outer = reach_of(vec4f(disk.w)).x;
+  if !(t > 0.0 && (search.level == 0u || t >= inner) && t < outer) {
     return FAR;
   }
   let aside = ray.direction * t - to_center;
@@ -73,6 +72,13 @@ fn meet_disk(ray: Ray, rank: u32) -> f32 {
   // The receiver's own surface, whose disks do not lie exactly in it where it is curved.
   let own = abs(dot(normal, search.normal)) > 0.8 && abs(height) < 0.5 * disk.w && t < 4.0 * disk.w;
   return select(t, FAR, search.level == 0u && own);
+}
+
+// Where the level's shell about such disks ends.
+fn reach_of(radius: vec4f) -> vec4f {
+  let last = search.level + 1u == disks.levels;
+  let reach = min(disks.shell_radii * radius, vec4f(FAR)) * f32(1u << search.level);
+  return select(min(reach, vec4f(FAR)), vec4f(FAR), last);
 }
 
 fn meet_leaf(ray: Ray, leaf: u32) -> vec4f {

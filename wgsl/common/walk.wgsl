@@ -1,6 +1,7 @@
 // Rays against senders: a ray visits the nodes over them from left to right, skips what it misses, and needs no stack.
 //
-// Asks of its importer the texture `nodes`, and meet_leaf(), where a ray meets the four senders of a run.
+// Asks of its importer the texture `nodes`, and meet_leaf(), where a ray meets the four senders of a run;
+// with #if SENDER_DISKS also reach_of(), beyond which it meets none with such radii.
 
 #import walk_tree
 
@@ -46,7 +47,12 @@ fn enter_node(ray: Ray, node: u32, t_max: f32) -> vec4f {
   let z1 = (node_texel(first + 5u) - ray.origin.z) * ray.inverse.z;
   let enter = max(max(min(x0, x1), min(y0, y1)), max(min(z0, z1), vec4f(0.0)));
   let leave = min(min(max(x0, x1), max(y0, y1)), max(z0, z1)) * (1.0 + SLAB_TOLERANCE);
-  return select(vec4f(FAR), enter, enter * (1.0 - SLAB_TOLERANCE) <= min(leave, vec4f(t_max)));
+#if SENDER_DISKS
+  let end = min(vec4f(t_max), reach_of(node_texel(first + 6u)));
+#else
+  let end = vec4f(t_max);
+#endif
+  return select(vec4f(FAR), enter, enter * (1.0 - SLAB_TOLERANCE) <= min(leave, end));
 }
 
 #if STATISTICS
