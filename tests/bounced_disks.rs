@@ -203,7 +203,7 @@ fn surfels_hit(
                 .map(|at| ((bits >> at & 255) >> shift.clamp(0, 8)) << at)
                 .iter()
                 .sum();
-            (bits != 0).then(|| ((code / 2 - 1) as usize, code % 2 == 0))
+            (bits != 0).then(|| ((code / 2 - 1) as usize, code.is_multiple_of(2)))
         })
         .collect()
 }

@@ -70,6 +70,18 @@ pub(crate) struct DiskParams {
 }
 
 impl DiskBounds {
+    pub fn new(device: &Device, cloud: &SurfelCloud, levels: u32) -> Result<Self, Error> {
+        let capacity = cloud.capacity.surfels;
+        let (levels, nodes) = place_levels(capacity, levels);
+        let built = VectorArray::new(device, "deep-screen-space disk bounds", NODE_TEXELS * nodes)?;
+        Ok(Self {
+            nodes: built.view(),
+            built,
+            levels,
+            capacity,
+        })
+    }
+
     pub fn levels(&self) -> u32 {
         self.levels.len() as u32
     }
@@ -151,23 +163,6 @@ impl DiskBoundsPass {
             build_first: kernel("build_first"),
             build_next: kernel("build_next"),
             layout,
-        })
-    }
-
-    pub fn create(
-        &self,
-        device: &Device,
-        cloud: &SurfelCloud,
-        levels: u32,
-    ) -> Result<DiskBounds, Error> {
-        let capacity = cloud.capacity.surfels;
-        let (levels, nodes) = place_levels(capacity, levels);
-        let built = VectorArray::new(device, "deep-screen-space disk bounds", NODE_TEXELS * nodes)?;
-        Ok(DiskBounds {
-            nodes: built.view(),
-            built,
-            levels,
-            capacity,
         })
     }
 

@@ -108,7 +108,7 @@ impl PixelRay {
             let hit = self.first_on(disks, level, levels, settings);
             merged = match (merged, hit) {
                 (Some(old), Some(new))
-                    if settings.disks.merge == Merge::Nearest && new.t < old.t =>
+                    if settings.disks.merge == Merge::Nearest && new.t <= old.t =>
                 {
                     Some(new)
                 }

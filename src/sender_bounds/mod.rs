@@ -41,8 +41,8 @@ pub struct SenderBounds(Bounds);
 /// Of either kind of senders.
 #[derive(Debug)]
 enum Bounds {
-    Pieces(PieceBounds),
-    Disks(DiskBounds),
+    Pieces(Box<PieceBounds>),
+    Disks(Box<DiskBounds>),
 }
 
 /// Bounds over a cloud's pieces in an order of space.
@@ -183,7 +183,7 @@ impl PieceBounds {
 /// The pipelines for one kind of senders.
 #[derive(Debug)]
 pub(crate) enum SenderBoundsPass {
-    Pieces(PieceBoundsPass),
+    Pieces(Box<PieceBoundsPass>),
     Disks(DiskBoundsPass, u32),
 }
 
@@ -194,15 +194,17 @@ impl SenderBoundsPass {
         cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
         Ok(match senders {
-            Senders::Pieces => Self::Pieces(PieceBoundsPass::new(device, cache)?),
+            Senders::Pieces => Self::Pieces(Box::new(PieceBoundsPass::new(device, cache)?)),
             Senders::Disks { levels } => Self::Disks(DiskBoundsPass::new(device, cache)?, levels),
         })
     }
 
     pub fn create(&self, device: &Device, cloud: &SurfelCloud) -> Result<SenderBounds, Error> {
         Ok(SenderBounds(match self {
-            Self::Pieces(pass) => Bounds::Pieces(pass.create(device, cloud)?),
-            Self::Disks(pass, levels) => Bounds::Disks(pass.create(device, cloud, *levels)?),
+            Self::Pieces(pass) => Bounds::Pieces(Box::new(pass.create(device, cloud)?)),
+            Self::Disks(_, levels) => {
+                Bounds::Disks(Box::new(DiskBounds::new(device, cloud, *levels)?))
+            }
         }))
     }
 

@@ -86,14 +86,17 @@ fn meet_leaf(ray: Ray, leaf: u32) -> vec4f {
   return vec4f(meet_disk(ray, rank), meet_disk(ray, rank + 1u), meet_disk(ray, rank + 2u), meet_disk(ray, rank + 3u));
 }
 
-// The hit that counts, with the surfel for its sender; with `any` one that tells as well whether there is one.
+// The hit that counts, with the surfel for its sender; with `any` one that tells as well whether there is one. Of two that
+// are equally near that of the coarser level counts.
 fn walk_disks(ray: Ray, pixel: vec2u, normal: vec3f, any: bool) -> Hit {
-  let finest = disks.merge == MERGE_FINEST;
-  // Where the finest level wins it may win with a hit that is too far to count, and hide one that is not: its nearest
-  // one must then be known.
-  let stop = any && (!finest || params.world_radius >= FAR);
+  // Where the finest level wins it may win with a hit that is too far to count, and hide one that is not. Else any level's
+  // hit tells that there is one.
+  let finest = disks.merge == MERGE_FINEST && !(any && params.world_radius >= FAR);
+  let stop = any && !finest;
   var merged = Hit(select(params.world_radius, FAR, finest), NO_SENDER);
-  for (var level = 0u; level < disks.levels; level++) {
+  for (var i = 0u; i < disks.levels; i++) {
+    // Else the coarse ones come first: they have few disks, and what they find bounds the search among many.
+    let level = select(disks.levels - 1u - i, i, finest);
     let sub_buffer = sub_buffer_of(pixel, level, disks.seed);
     let level_first = disks.level_first[level / 4u][level % 4u];
     let tree = disk_tree(level, sub_buffer, level_first, counters.stored, disks.capacity);
@@ -101,7 +104,7 @@ fn walk_disks(ray: Ray, pixel: vec2u, normal: vec3f, any: bool) -> Hit {
     let hit = walk_from(ray, tree.first, tree.count, tree.capacity, merged.t, stop);
     if hit.sender != NO_SENDER {
       merged = Hit(hit.t, surfel_dealt(hit.sender, sub_buffer, level));
-      if finest || any {
+      if finest || stop {
         break;
       }
     }
