@@ -849,7 +849,7 @@ fn picture(
 fn table() {
     let gpu = gpu();
     println!(
-        "N = 16, 2 px, m = 10; leak and over: share of rays; raw and filtered: RMSE of ambient visibility"
+        "160 x 100, N = 16, 2 px, m = 10; leak and over: share of rays; raw and filtered: RMSE of ambient visibility"
     );
     for (name, view) in [
         ("cornell", 0),
@@ -857,7 +857,7 @@ fn table() {
         ("closed_room", 0),
         ("colonnade", 0),
     ] {
-        let shot = shot(&gpu, name, view, [256, 160]);
+        let shot = shot(&gpu, name, view, [160, 100]);
         let scene = scenes::by_name(name).expect("a scene");
         for placement in [Placement::Random, Placement::Centroid] {
             let cloud = cloud_of(&gpu, &shot, &surfels(2.0, placement));
