@@ -429,7 +429,7 @@ fn every_surfel_is_in_one_sub_buffer_a_level() {
         let [x, z] = [i % 8, i / 8].map(|i| (f64::from(i) - 3.5) * 0.5);
         mesh.push((DVec3::new(x, 1.0, z), 0.2));
     }
-    let (shot, cloud) = over_a_floor(&gpu, &mesh, 64);
+    let (shot, cloud) = over_a_floor(&gpu, &mesh, 32);
     for levels in 1..=4 {
         let disks = DiskSettings {
             shell_radii: 1e-9,
@@ -601,7 +601,7 @@ fn share(rays: &[Option<bool>], of: bool) -> f64 {
 #[test]
 fn closed_rooms_leak_through_disks_and_not_through_pieces() {
     let gpu = gpu();
-    let shot = shot(&gpu, "closed_room", 0, [64, 48]);
+    let shot = shot(&gpu, "closed_room", 0, [48, 36]);
     let bounced = settings(16, DiskSettings::default());
     let pieces = pass(&gpu, Payload::Occlusion, Senders::Pieces);
     for placement in [Placement::Random, Placement::Centroid] {
@@ -658,7 +658,7 @@ fn errors(found: &[bool], truth: &[bool], directions: usize) -> [f64; 3] {
 #[test]
 fn smaller_disks_block_less_that_is_open() {
     let gpu = gpu();
-    let shot = shot(&gpu, "cornell", 1, [64, 48]);
+    let shot = shot(&gpu, "cornell", 1, [40, 30]);
     let pass = pass(&gpu, Payload::Occlusion, Senders::Disks { levels: 1 });
     let bounced = settings(16, DiskSettings::default());
     for placement in [Placement::Centroid, Placement::Random] {

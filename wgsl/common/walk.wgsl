@@ -93,8 +93,8 @@ fn which4(v: vec4f, least: f32) -> u32 {
   return select(select(select(3u, 2u, v.z == least), 1u, v.y == least), 0u, v.x == least);
 }
 
-// The nearest hit closer than t_max; of two at the same distance that of the sender that comes first in the walk. With
-// `any` the first one found.
+// The nearest hit closer than t_max; of two at the same distance that of the sender with the lower index. With `any`
+// the first one found.
 fn walk(ray: Ray, count: u32, capacity: u32, t_max: f32, any: bool) -> Hit {
   return walk_from(ray, 0u, count, capacity, t_max, any);
 }
@@ -140,8 +140,11 @@ fn walk_from(ray: Ray, first: u32, count: u32, capacity: u32, t_max: f32, any: b
 #endif
       let t = meet_leaf(ray, i);
       let nearest = least4(t);
-      if nearest < hit.t {
-        hit = Hit(nearest, i * 4u + which4(t, nearest));
+      let sender = i * 4u + which4(t, nearest);
+      // Nothing has been hit yet at t_max itself.
+      let before = nearest == hit.t && sender < hit.sender && hit.sender != NO_SENDER;
+      if nearest < hit.t || before {
+        hit = Hit(nearest, sender);
       }
       done = (any && hit.sender != NO_SENDER) || is_empty(open);
       let next = next_of(open);
