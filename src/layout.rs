@@ -7,6 +7,7 @@ use crate::{
     SurfelSource,
     bounced_z_buffer::params::BouncedParams,
     camera::CameraParams,
+    disk_bounds::{DiskBoundsParams, DiskParams},
     gpu::sort::SortParams,
     hit_reconstructor::params::HitReconstructorParams,
     light::LightParams,
@@ -176,6 +177,22 @@ fn structs_match_the_shaders() {
             size_of::<SenderBoundsParams>(),
         );
     }
+    let disk_bounds = fields!(DiskBoundsParams: level, depth, capacity, level_first);
+    check(
+        &ao,
+        "disk_bounds",
+        "Params",
+        &disk_bounds,
+        size_of::<DiskBoundsParams>(),
+    );
+    let disks = fields!(DiskParams: levels, merge, seed, capacity, level_first, shell_radii);
+    check(
+        &ao,
+        "bounced_z_buffer occlusion disks",
+        "DiskParams",
+        &disks,
+        size_of::<DiskParams>(),
+    );
     let sort = fields!(SortParams: shift, blocks);
     check(&ao, "sort", "Params", &sort, size_of::<SortParams>());
     let temporal = fields!(TemporalParams: previous, project, viewport, motion_scale, max_frames, depth_tolerance,

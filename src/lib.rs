@@ -85,6 +85,7 @@ pub use wgpu;
 
 mod bounced_z_buffer;
 mod camera;
+mod disk_bounds;
 mod effect;
 mod effects;
 mod error;
@@ -110,8 +111,8 @@ mod surfelizer;
 mod temporal_accumulator;
 
 pub use bounced_z_buffer::{
-    BouncedDescriptor, BouncedInput, BouncedView, BouncedZBuffer, Payload,
-    settings::{BouncedSettings, Sampling},
+    BouncedDescriptor, BouncedInput, BouncedView, BouncedZBuffer, Payload, Senders,
+    settings::{BouncedSettings, DiskSettings, Merge, Sampling},
 };
 pub use camera::{Camera, Footprint, Viewport};
 pub use effect::{Channels, Effect};

@@ -1,7 +1,8 @@
 //! Every WGSL module of the crate as it goes to the device.
 
 use crate::{
-    bounced_z_buffer::{self, BouncedDescriptor, Payload, settings::Sampling},
+    bounced_z_buffer::{self, BouncedDescriptor, Payload, Senders, settings::Sampling},
+    disk_bounds,
     effect::Effect,
     error::Error,
     gpu::{scan, shader::assemble, sort},
@@ -100,22 +101,35 @@ pub fn shaders(effect: &Effect) -> Result<Vec<Shader>, Error> {
     for (plan, name) in [(true, "sender_bounds plan"), (false, "sender_bounds build")] {
         all.push(shader(name, sender_bounds::source(plan)?, none));
     }
+    all.push(shader("disk_bounds", disk_bounds::source()?, none));
     for (payload, payload_name) in [
         (Payload::Occlusion, "occlusion"),
         (Payload::Radiance, "radiance"),
     ] {
-        for (sampling, sampling_name) in [(Sampling::Cosine, ""), (Sampling::Glossy, " glossy")] {
+        for (senders, sampling, variant_name) in [
+            (Senders::Pieces, Sampling::Cosine, ""),
+            (Senders::Pieces, Sampling::Glossy, " glossy"),
+            (Senders::Disks { levels: 1 }, Sampling::Cosine, " disks"),
+            (
+                Senders::Disks { levels: 1 },
+                Sampling::Glossy,
+                " disks glossy",
+            ),
+        ] {
             for statistics in [false, true] {
                 let descriptor = BouncedDescriptor {
                     payload,
+                    senders,
                     sampling,
                     statistics,
                 };
                 let statistics_name = if statistics { " statistics" } else { "" };
                 let name =
-                    format!("bounced_z_buffer {payload_name}{sampling_name}{statistics_name}");
+                    format!("bounced_z_buffer {payload_name}{variant_name}{statistics_name}");
                 all.push(shader(&name, bounced_z_buffer::source(&descriptor)?, none));
             }
+        }
+        for (sampling, sampling_name) in [(Sampling::Cosine, ""), (Sampling::Glossy, " glossy")] {
             for (deferred, stage, stage_name) in [
                 (false, HitStage::Average, "average"),
                 (false, HitStage::Reconstruct, "reconstruct"),

@@ -109,25 +109,12 @@ fn shell(sender: Sender) -> vec2f {
   return vec2f(inner, min(outer, params.world_radius));
 }
 
-// How many surfels a sub-buffer has: they are dealt in turn.
-fn surfels_of_level(sub_buffer: u32, level: u32) -> u32 {
-  let stored = counters.stored;
-  if sub_buffer >= stored {
-    return 0u;
-  }
-  return ((stored - sub_buffer - 1u) >> (2u * level)) + 1u;
-}
-
 fn surfels_in(sub_buffer: u32) -> u32 {
-  return surfels_of_level(sub_buffer, params.level);
+  return surfels_dealt(counters.stored, sub_buffer, params.level);
 }
 
 fn divide_up(a: u32, b: u32) -> u32 {
   return (a + b - 1u) / b;
-}
-
-fn surfel_index(sub_buffer: u32, rank: u32) -> u32 {
-  return (rank << (2u * params.level)) + sub_buffer;
 }
 
 fn pack_bounds(low: vec3f, high: vec3f) -> u32 {
@@ -161,7 +148,7 @@ fn plan_dispatch(at: u32, threads: u32) {
 fn plan(@builtin(local_invocation_index) level: u32) {
   if level * 6u < arrayLength(&dispatches) {
     // Sub-buffer 0 has the most.
-    let clusters_each = divide_up(surfels_of_level(0u, level), CLUSTER);
+    let clusters_each = divide_up(surfels_dealt(counters.stored, 0u, level), CLUSTER);
     plan_dispatch(level * 6u, clusters_each << (2u * level));
     plan_dispatch(level * 6u + 3u, divide_up(clusters_each, GROUP) << (2u * level));
   }
@@ -182,7 +169,7 @@ fn build_clusters(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invoca
   var normal_low = vec3f(1.0);
   var normal_high = vec3f(-1.0);
   for (var rank = first; rank < end; rank++) {
-    let at = surfel_index(sub_buffer, rank);
+    let at = surfel_dealt(rank, sub_buffer, params.level);
     let disk = surfels[at];
     let sender = sender_of(disk, sources[at]);
     let radii = shell(sender);
@@ -514,7 +501,7 @@ fn splat(
         if mine < clusters_here {
           let rank = passed_clusters[mine] * CLUSTER + slot % CLUSTER;
           if rank < surfel_count {
-            let at = surfel_index(sub_buffer, rank);
+            let at = surfel_dealt(rank, sub_buffer, params.level);
             let disk = surfels[at];
             let sender = sender_of(disk, sources[at]);
             let radii = shell(sender);

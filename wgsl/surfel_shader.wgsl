@@ -126,7 +126,7 @@ fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {
 @group(0) @binding(10) var leaves: texture_2d<f32>;
 
 #import rooms
-#import walk
+#import meet_triangles
 
 fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {
   let ray = make_ray(off_surface(point, side), arrival.to_light);

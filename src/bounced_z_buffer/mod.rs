@@ -10,7 +10,7 @@ use wgpu::{
 
 use self::{
     params::BouncedParams,
-    settings::{BouncedSettings, MAX_DIRECTIONS, Sampling},
+    settings::{BouncedSettings, MAX_DIRECTIONS, MAX_LEVELS, Sampling},
 };
 use crate::{
     camera::Camera,
@@ -32,8 +32,8 @@ pub(crate) const SOURCE: &str = include_str!("../../wgsl/bounced_z_buffer.wgsl")
 const LABEL: &str = "deep-screen-space bounced z-buffer";
 
 /// Finds what each pixel meets first along directions of its own: exactly, whether it is hidden, off screen or edge-on,
-/// among the triangles that a cloud was made of. What lies behind a hit does not count, so that light neither passes
-/// through surfaces nor is blocked twice.
+/// among the triangles that a cloud was made of (or, for comparison, among its surfels as disks: [`Senders`]). What lies
+/// behind a hit does not count, so that light neither passes through surfaces nor is blocked twice.
 ///
 /// Holds pipelines only; one serves any number of clouds and views.
 #[derive(Debug)]
@@ -55,11 +55,31 @@ pub enum Payload {
     Radiance,
 }
 
+/// What directions meet.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Senders {
+    /// A cloud's pieces, which are triangles: exact.
+    #[default]
+    Pieces,
+    /// A cloud's surfels as disks, from either side, as in the paper (The Bounced Z-buffer 4.2): for comparison with it.
+    /// Disks leave gaps between them, which rays pass through, and stick out at edges.
+    ///
+    /// On level l a pixel meets one surfel in 4^l, 2^l times as large, at distances within the level's shell
+    /// ([`DiskSettings`](crate::DiskSettings)). On level 0 those that lie in the pixel's own surface are left out: turned
+    /// by less than acos 0.8, with less than half a radius between the pixel and their plane, and hit within four radii.
+    Disks {
+        /// Number of levels, 1…8; 1 for plain disks without levels.
+        levels: u32,
+    },
+}
+
 /// What a [`BouncedZBuffer`] is compiled for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BouncedDescriptor {
     /// What is kept of a hit.
     pub payload: Payload,
+    /// What directions meet.
+    pub senders: Senders,
     /// How directions are drawn.
     pub sampling: Sampling,
     /// Whether to count into [`BouncedView::statistics`]. Slower; for measuring.
@@ -70,6 +90,7 @@ impl BouncedDescriptor {
     pub(crate) fn flags(&self) -> Vec<&'static str> {
         let mut flags = Vec::new();
         flags.extend((self.payload == Payload::Radiance).then_some("RADIANCE"));
+        flags.extend(matches!(self.senders, Senders::Disks { .. }).then_some("SENDER_DISKS"));
         flags.extend(self.statistics.then_some("STATISTICS"));
         flags.extend((self.sampling == Sampling::Glossy).then_some("GLOSSY"));
         flags
@@ -101,6 +122,12 @@ impl BouncedView {
         self.receivers.size
     }
 
+    /// The receivers: `Rgba32Uint`, in xyz the bits of the position in the cloud's eye space, in w the octahedral
+    /// normal, 0x80008000 for the sky (usages `TEXTURE_BINDING | COPY_SRC`).
+    pub fn receivers(&self) -> &TextureView {
+        &self.receivers.view
+    }
+
     /// How many directions it has room for.
     pub fn directions(&self) -> u32 {
         self.directions
@@ -126,7 +153,7 @@ impl BouncedView {
     }
 
     /// What the last recording counted, where the descriptor asked for it: four `u32`, namely rays, nodes of bounds and
-    /// runs of four triangles that they were tested against, and rays that hit (usage `COPY_SRC`).
+    /// runs of four senders that they were tested against, and rays that hit (usage `COPY_SRC`).
     pub fn statistics(&self) -> Option<&Buffer> {
         self.statistics.as_ref()
     }
@@ -152,8 +179,8 @@ pub struct BouncedInput<'a> {
     pub gbuffer: GBuffer<'a>,
     /// The camera that the G-buffer was drawn with; it may be another than the cloud's (stereo, split screen).
     pub camera: &'a Camera,
-    /// The senders: a cloud's pieces. Recorded with [`SurfelizerSettings::density`](crate::SurfelizerSettings::density)
-    /// at infinity they are the caller's triangles, and hits are exact.
+    /// The cloud whose pieces or surfels are the senders. Recorded with [`SurfelizerSettings::density`](crate::SurfelizerSettings::density)
+    /// at infinity its pieces are the caller's triangles, and hits are exact.
     pub cloud: &'a SurfelCloud,
     /// Their bounds, recorded since the cloud was.
     pub bounds: &'a SenderBounds,
@@ -174,29 +201,32 @@ impl BouncedZBuffer {
     /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`.
     ///
     /// # Errors
-    /// [`Error::Limit`] where the device was made with less than that.
+    /// [`Error::Limit`] where the device was made with less than that; [`Error::Setting`] for levels out of range.
     pub fn new(
         device: &Device,
         descriptor: &BouncedDescriptor,
         cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
-        let mut entries = vec![
-            (0, UNIFORM),
-            (1, READ),
-            (2, FLOAT_2D),
-            (3, FLOAT_2D),
-            (4, UINT_2D),
-        ];
-        match descriptor.payload {
-            Payload::Occlusion => entries.push((5, WRITE)),
-            Payload::Radiance => entries.extend([
-                (5, store_colors()),
-                (6, READ),
-                (7, READ),
-                (8, READ),
-                (9, READ),
-            ]),
+        if let Senders::Disks { levels } = descriptor.senders {
+            check_setting(
+                (1..=MAX_LEVELS).contains(&levels),
+                "Senders::Disks::levels",
+                levels,
+                "1 to 8",
+            )?;
         }
+        let mut entries = vec![(0, UNIFORM), (1, READ), (2, FLOAT_2D), (4, UINT_2D)];
+        entries.extend(match descriptor.payload {
+            Payload::Occlusion => vec![(5, WRITE)],
+            Payload::Radiance => vec![(5, store_colors()), (6, READ)],
+        });
+        entries.extend(match (descriptor.senders, descriptor.payload) {
+            (Senders::Disks { .. }, _) => vec![(16, UNIFORM), (17, READ), (18, READ)],
+            (Senders::Pieces, Payload::Occlusion) => vec![(3, FLOAT_2D)],
+            (Senders::Pieces, Payload::Radiance) => {
+                vec![(3, FLOAT_2D), (7, READ), (8, READ), (9, READ)]
+            }
+        });
         entries.extend(descriptor.statistics.then_some((10, WRITE)));
         if descriptor.sampling == Sampling::Glossy {
             entries.extend([(11, UNIFORM), (12, FLOAT_2D)]);
@@ -216,12 +246,12 @@ impl BouncedZBuffer {
             descriptor: *descriptor,
             layout,
             trace,
-            bounds: SenderBoundsPass::new(device, cache)?,
+            bounds: SenderBoundsPass::new(device, descriptor.senders, cache)?,
             receivers: ReceiversPass::new(device, cache)?,
         })
     }
 
-    /// Room for the bounds of a cloud's pieces.
+    /// Room for the bounds of a cloud's pieces, or of its surfels as disks, as the descriptor says.
     ///
     /// # Errors
     /// [`Error::Limit`] where the device cannot hold or bind as much.
@@ -288,10 +318,10 @@ impl BouncedZBuffer {
         })
     }
 
-    /// Records the bounds of a cloud's pieces, after the recording that makes the cloud and before those that trace it.
+    /// Records the bounds of a cloud's senders, after the recording that makes the cloud and before those that trace it.
     ///
     /// # Errors
-    /// [`Error::Mismatch`] where the bounds were made for another cloud's capacity.
+    /// [`Error::Mismatch`] where the bounds were made for other senders or another cloud's capacity.
     pub fn record_bounds(
         &self,
         device: &Device,
@@ -301,20 +331,18 @@ impl BouncedZBuffer {
         timestamps: Option<Timestamps<'_>>,
     ) -> Result<(), Error> {
         check_timestamps(timestamps)?;
-        bounds.check(cloud)?;
         self.bounds
-            .record(device, encoder, cloud, bounds, timestamps);
-        Ok(())
+            .record(device, encoder, cloud, bounds, timestamps)
     }
 
     /// Records the tracing of a view's directions.
     ///
     /// # Errors
     /// What [`GBuffer::validate`] and [`BouncedSettings::validate`] find; [`Error::Mismatch`] where the view was made for
-    /// another payload or size or for fewer directions, or the bounds for another cloud; [`Error::Buffer`] for radiance
+    /// another descriptor or size or for fewer directions, or the bounds for another cloud; [`Error::Buffer`] for radiance
     /// that is missing or too small; what [`GBuffer::validate`] finds of views, and [`Error::Mismatch`] where there is none,
-    /// for roughness; [`Error::Setting`] where radiance is asked for and the surfels are not leaves of
-    /// their pieces ([`Placement::Grid`] and [`Placement::Random`]).
+    /// for roughness; [`Error::Setting`] where radiance of pieces is asked for and the surfels are not leaves of them
+    /// ([`Placement::Grid`] and [`Placement::Random`]).
     pub fn record(
         &self,
         device: &Device,
@@ -327,7 +355,7 @@ impl BouncedZBuffer {
         check_timestamps(input.timestamps)?;
         let viewport = input.camera.viewport();
         input.gbuffer.validate(viewport)?;
-        input.bounds.check(input.cloud)?;
+        let cloud = input.cloud;
         self.check_view([viewport.width, viewport.height], settings, view)?;
         let radiance = self.check_radiance(input)?;
         let roughness = check_roughness(
@@ -336,6 +364,31 @@ impl BouncedZBuffer {
             self.descriptor.sampling == Sampling::Glossy,
             viewport,
         )?;
+        let disks;
+        let (nodes, senders) = match self.descriptor.senders {
+            Senders::Pieces => {
+                let bounds = input.bounds.pieces(cloud)?;
+                let mut senders = vec![(3, binding::view(&bounds.leaves))];
+                if radiance.is_some() {
+                    senders.extend([
+                        (7, whole(&cloud.piece_offsets.values)),
+                        (8, whole(&cloud.pieces)),
+                        (9, whole(&bounds.order.items)),
+                    ]);
+                }
+                (&bounds.nodes, senders)
+            }
+            Senders::Disks { levels } => {
+                let bounds = input.bounds.disks(cloud, levels)?;
+                disks = uniform(device, LABEL, &bounds.params(&settings.disks));
+                let senders = vec![
+                    (16, whole(&disks)),
+                    (17, whole(&cloud.surfels)),
+                    (18, whole(&cloud.sources)),
+                ];
+                (&bounds.nodes, senders)
+            }
+        };
 
         if let Some(statistics) = &view.statistics {
             encoder.clear_buffer(statistics, 0, None);
@@ -343,7 +396,6 @@ impl BouncedZBuffer {
         if let Hits::Bits(buffer) = &view.hits {
             encoder.clear_buffer(buffer, 0, None);
         }
-        let cloud = input.cloud;
         self.receivers.record(
             device,
             encoder,
@@ -360,22 +412,15 @@ impl BouncedZBuffer {
         let mut resources = vec![
             (0, whole(&params)),
             (1, whole(&cloud.counters)),
-            (2, binding::view(&input.bounds.nodes)),
-            (3, binding::view(&input.bounds.leaves)),
+            (2, binding::view(nodes)),
             (4, binding::view(&view.receivers.view)),
         ];
+        resources.extend(senders);
         match &view.hits {
             Hits::Bits(buffer) => resources.push((5, whole(buffer))),
             Hits::Colors(colors) => resources.push((5, binding::view(colors))),
         }
-        if let Some(radiance) = radiance {
-            resources.extend([
-                (6, whole(radiance)),
-                (7, whole(&cloud.piece_offsets.values)),
-                (8, whole(&cloud.pieces)),
-                (9, whole(&input.bounds.order.items)),
-            ]);
-        }
+        resources.extend(radiance.map(|radiance| (6, whole(radiance))));
         if let Some(statistics) = &view.statistics {
             resources.push((10, whole(statistics)));
         }
@@ -426,10 +471,11 @@ impl BouncedZBuffer {
             return Ok(None);
         }
         check_setting(
-            input.cloud.placement == Placement::Centroid,
+            input.cloud.placement == Placement::Centroid
+                || self.descriptor.senders != Senders::Pieces,
             "SurfelizerSettings::placement",
             f64::from(input.cloud.placement.code()),
-            "Placement::Centroid, for payloads of radiance",
+            "Placement::Centroid, for radiance of pieces",
         )?;
         let needed = u64::from(input.cloud.capacity.surfels) * size_of::<SurfelRadiance>() as u64;
         let problem = |found: String| Error::Buffer {

@@ -28,6 +28,76 @@ impl Sampling {
     }
 }
 
+/// Which of the levels' hits counts, with [`Senders::Disks`](crate::Senders::Disks).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Merge {
+    /// The nearest one. Shells are measured in radii of the surfel that is hit, so that a far and large one may be hit on
+    /// a finer level than a near and small one that it lies behind.
+    #[default]
+    Nearest,
+    /// That of the finest level that has one, as in the paper (The Bounced Z-buffer 4.2), which takes it for the nearest.
+    /// Beyond [`BouncedSettings::radius`] it does not count, and still hides those of coarser levels.
+    Finest,
+}
+
+impl Merge {
+    /// The shader's number for it.
+    pub(crate) fn code(self) -> u32 {
+        match self {
+            Self::Nearest => 0,
+            Self::Finest => 1,
+        }
+    }
+}
+
+/// Settings of [`Senders::Disks`](crate::Senders::Disks).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DiskSettings {
+    /// Where level 0 ends, in radii of the surfel that is hit, > 0; `f32::INFINITY` leaves all to level 0. With m for it
+    /// and r for the radius, level l counts hits at distances from m r 2^(l − 1) (level 0: from 0) to m r 2^l, the last
+    /// one without end. Larger is more accurate: coarse levels see few disks, and large ones, which stick out of their
+    /// surface. Default 10.
+    pub shell_radii: f32,
+    /// Which of the levels' hits counts.
+    pub merge: Merge,
+    /// Which of the random permutations deals pixels to sub-buffers, 0…2²⁴. Default 0.
+    pub seed: u32,
+}
+
+/// The most levels that there can be: 4^7 sub-buffers.
+pub(crate) const MAX_LEVELS: u32 = 8;
+
+impl Default for DiskSettings {
+    fn default() -> Self {
+        Self {
+            shell_radii: 10.0,
+            merge: Merge::default(),
+            seed: 0,
+        }
+    }
+}
+
+impl DiskSettings {
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// [`Error::Setting`], naming the field, its value and its range.
+    pub fn validate(&self) -> Result<(), Error> {
+        check_setting(
+            self.shell_radii > 0.0,
+            "DiskSettings::shell_radii",
+            self.shell_radii,
+            "above 0, to infinity",
+        )?;
+        check_setting(
+            self.seed <= 1 << 24,
+            "DiskSettings::seed",
+            self.seed,
+            "0 to 2^24",
+        )
+    }
+}
+
 /// Settings of the [`BouncedZBuffer`](crate::BouncedZBuffer).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BouncedSettings {
@@ -44,6 +114,8 @@ pub struct BouncedSettings {
     /// Radiance that comes from where nothing is hit, linear RGB, W/(m² sr), each 0…1e18; of use with
     /// [`Payload::Radiance`](crate::Payload::Radiance) alone. Default black.
     pub background: [f32; 3],
+    /// Of use with [`Senders::Disks`](crate::Senders::Disks) alone.
+    pub disks: DiskSettings,
 }
 
 /// The most directions.
@@ -56,6 +128,7 @@ impl Default for BouncedSettings {
             radius: f32::INFINITY,
             frame: 0,
             background: [0.0; 3],
+            disks: DiskSettings::default(),
         }
     }
 }
@@ -92,6 +165,6 @@ impl BouncedSettings {
                 "0 to 1e18",
             )?;
         }
-        Ok(())
+        self.disks.validate()
     }
 }

@@ -28,6 +28,22 @@ const COMMON: &[(&str, &str)] = &[
     ),
     ("walk", include_str!("../../wgsl/common/walk.wgsl")),
     (
+        "node_boxes",
+        include_str!("../../wgsl/common/node_boxes.wgsl"),
+    ),
+    (
+        "meet_triangles",
+        include_str!("../../wgsl/common/meet_triangles.wgsl"),
+    ),
+    (
+        "disk_tree",
+        include_str!("../../wgsl/common/disk_tree.wgsl"),
+    ),
+    (
+        "disk_walk",
+        include_str!("../../wgsl/common/disk_walk.wgsl"),
+    ),
+    (
         "directions",
         include_str!("../../wgsl/common/directions.wgsl"),
     ),

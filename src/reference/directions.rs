@@ -1,10 +1,13 @@
 //! Mirror of `wgsl/common/directions.wgsl`: sequences in the shader's own integers, angles in f64.
 
-use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 use glam::{DMat3, DVec2, DVec3};
 
 use super::hashing::{hash, hash2, unit_float};
+use crate::{
+    BouncedSettings, Sampling, bounced_z_buffer::params::grid, reference::shell_splatter::Receiver,
+};
 
 const BLOCK_PIXELS: u32 = 256;
 
@@ -71,4 +74,57 @@ pub fn tangent_frame(n: DVec3) -> DMat3 {
         DVec3::new(b, s + n.y * n.y * a, -n.y),
         n,
     )
+}
+
+/// A direction, and how it was drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Direction {
+    /// A unit vector.
+    pub direction: DVec3,
+    /// Density over solid angle with which it was drawn, 1/sr.
+    pub pdf: f64,
+}
+
+/// A point of the unit square to the hemisphere about a unit normal.
+pub fn hemisphere_direction(point: DVec2, normal: DVec3, sampling: Sampling) -> Direction {
+    let disk = concentric_disk(point);
+    let r2 = disk.length_squared();
+    match sampling {
+        Sampling::Uniform => {
+            let height = 1.0 - r2;
+            let d = (disk * (2.0 - r2).max(0.0).sqrt()).extend(height);
+            Direction {
+                direction: tangent_frame(normal) * d,
+                pdf: 0.5 / PI,
+            }
+        }
+        // Glossy directions are those of `ggx`.
+        Sampling::Cosine | Sampling::Glossy => {
+            let height = (1.0 - r2).max(0.0).sqrt();
+            Direction {
+                direction: tangent_frame(normal) * disk.extend(height),
+                pdf: height / PI,
+            }
+        }
+    }
+}
+
+/// All directions of a view: of each pixel, rows from the top, one after the other, as many as the settings say and one
+/// at least; `None` for the sky.
+pub fn directions(
+    receivers: &[Option<Receiver>],
+    width: u32,
+    settings: &BouncedSettings,
+    sampling: Sampling,
+) -> Vec<Option<Direction>> {
+    let grid = grid(settings.directions);
+    (0..)
+        .zip(receivers)
+        .flat_map(|(i, receiver)| {
+            (0..grid[0] * grid[1]).map(move |index| {
+                let point = cell_point([i % width, i / width], index, grid, settings.frame);
+                receiver.map(|r| hemisphere_direction(point, r.normal, sampling))
+            })
+        })
+        .collect()
 }

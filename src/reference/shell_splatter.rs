@@ -56,20 +56,53 @@ pub fn permute(value: u32, key: u32, level: u32) -> u32 {
     x.wrapping_add(key >> 20) & mask
 }
 
+/// The inverse of [`permute`]: its steps undone, last one first.
+pub fn unpermute(value: u32, key: u32, level: u32) -> u32 {
+    let bits = 2 * level;
+    let mask = (1_u32 << bits) - 1;
+    let half = bits.div_ceil(2);
+    let mut x = value.wrapping_sub(key >> 20) & mask;
+    x ^= x >> half;
+    x = x.wrapping_mul(inverse_odd(((key >> 13) << 1) | 1)) & mask;
+    x ^= x >> half;
+    x = x.wrapping_mul(inverse_odd(((key >> 5) << 1) | 1)) & mask;
+    x ^ (key & mask)
+}
+
+/// The number that an odd one multiplies to 1 modulo 2^24, by Newton's steps.
+fn inverse_odd(a: u32) -> u32 {
+    (0..3).fold(a, |x, _| {
+        x.wrapping_mul(2_u32.wrapping_sub(a.wrapping_mul(x)))
+    })
+}
+
+fn block_key(block: [u32; 2], level: u32, seed: u32) -> u32 {
+    hash2(
+        block[0] | (block[1] << 16),
+        level.wrapping_add(seed.wrapping_mul(16)),
+    )
+}
+
 /// The pixel that a block gives to a sub-buffer; it may lie outside of the image.
 pub fn pixel_of(block: [u32; 2], sub_buffer: u32, level: u32, seed: u32) -> [u32; 2] {
     if level == 0 {
         return block;
     }
-    let key = hash2(
-        block[0] | (block[1] << 16),
-        level.wrapping_add(seed.wrapping_mul(16)),
-    );
-    let k = permute(sub_buffer, key, level);
+    let k = permute(sub_buffer, block_key(block, level, seed), level);
     [
         (block[0] << level) + (k & ((1 << level) - 1)),
         (block[1] << level) + (k >> level),
     ]
+}
+
+/// The sub-buffer that gets a pixel: the inverse of [`pixel_of`].
+pub fn sub_buffer_of(pixel: [u32; 2], level: u32, seed: u32) -> u32 {
+    if level == 0 {
+        return 0;
+    }
+    let block = pixel.map(|i| i >> level);
+    let [x, y] = pixel.map(|i| i & ((1 << level) - 1));
+    unpermute(x | (y << level), block_key(block, level, seed), level)
 }
 
 /// Inner and outer radius of a surfel's shell on a level.

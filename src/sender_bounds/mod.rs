@@ -1,4 +1,5 @@
-//! Bounds over runs of a cloud's senders, for rays to skip (`wgsl/sender_bounds.wgsl`, `wgsl/common/walk.wgsl`).
+//! Bounds over runs of a cloud's senders, for rays to skip (`wgsl/sender_bounds.wgsl`, `wgsl/common/walk.wgsl`): here
+//! those of pieces, and in `src/disk_bounds` those of disks.
 
 use bytemuck::{Pod, Zeroable};
 use wgpu::{
@@ -7,6 +8,8 @@ use wgpu::{
 };
 
 use crate::{
+    bounced_z_buffer::Senders,
+    disk_bounds::{DiskBounds, DiskBoundsPass},
     error::{Error, check_limit},
     gpu::{
         Kernel, Timestamps,
@@ -30,16 +33,27 @@ const ROW: u64 = 4096;
 const NODE_TEXELS: u64 = 6;
 const LEAF_TEXELS: u64 = 9;
 
-/// Bounds over runs of four pieces of a cloud in an order of space, of four such runs, and so on: what a ray skips by.
-/// Made anew from each recording of the cloud; nothing of it is kept from frame to frame.
+/// Bounds over runs of four senders of a cloud that lie near each other, of four such runs, and so on: what a ray skips
+/// by. Made anew from each recording of the cloud; nothing of it is kept from frame to frame.
 #[derive(Debug)]
-pub struct SenderBounds {
+pub struct SenderBounds(Bounds);
+
+/// Of either kind of senders.
+#[derive(Debug)]
+enum Bounds {
+    Pieces(Box<PieceBounds>),
+    Disks(Box<DiskBounds>),
+}
+
+/// Bounds over a cloud's pieces in an order of space.
+#[derive(Debug)]
+pub(crate) struct PieceBounds {
     /// What is built, in buffers that the textures then get a copy of: drivers read textures faster, and a texture
     /// cannot be read where it is written.
     built: [VectorArray; 2],
-    pub(crate) nodes: TextureView,
-    pub(crate) leaves: TextureView,
-    pub(crate) order: SortBuffer,
+    pub nodes: TextureView,
+    pub leaves: TextureView,
+    pub order: SortBuffer,
     range: Buffer,
     dispatches: Buffer,
     capacity: u32,
@@ -47,13 +61,13 @@ pub struct SenderBounds {
 
 /// An array of vectors in whole rows, and the texture of the same.
 #[derive(Debug)]
-struct VectorArray {
+pub(crate) struct VectorArray {
     buffer: Buffer,
     texture: Texture,
 }
 
 impl VectorArray {
-    fn new(device: &Device, label: &'static str, vectors: u64) -> Result<Self, Error> {
+    pub fn new(device: &Device, label: &'static str, vectors: u64) -> Result<Self, Error> {
         let rows = vectors.div_ceil(ROW).max(1);
         check_limit(
             "max_texture_dimension_2d",
@@ -80,12 +94,21 @@ impl VectorArray {
         })
     }
 
-    fn view(&self) -> TextureView {
+    pub fn buffer(&self) -> &Buffer {
+        &self.buffer
+    }
+
+    /// Bytes of the buffer, and of the texture.
+    pub fn bytes(&self) -> u64 {
+        self.buffer.size()
+    }
+
+    pub fn view(&self) -> TextureView {
         self.texture
             .create_view(&wgpu::TextureViewDescriptor::default())
     }
 
-    fn copy(&self, encoder: &mut CommandEncoder) {
+    pub fn copy(&self, encoder: &mut CommandEncoder) {
         encoder.copy_buffer_to_texture(
             wgpu::TexelCopyBufferInfo {
                 buffer: &self.buffer,
@@ -104,26 +127,116 @@ impl VectorArray {
 impl SenderBounds {
     /// GPU memory that it owns, bytes.
     pub fn memory_bytes(&self) -> u64 {
-        let built: u64 = self.built.iter().map(|array| array.buffer.size()).sum();
-        2 * built + self.order.bytes() + self.range.size() + self.dispatches.size()
+        match &self.0 {
+            Bounds::Pieces(bounds) => bounds.memory_bytes(),
+            Bounds::Disks(bounds) => bounds.memory_bytes(),
+        }
     }
 
-    /// [`Error::Mismatch`] where they were made for another cloud's capacity.
-    pub(crate) fn check(&self, cloud: &SurfelCloud) -> Result<(), Error> {
-        if self.capacity == cloud.capacity.pieces {
-            return Ok(());
+    /// Those of a cloud's pieces. [`Error::Mismatch`] where they are of another kind or for another capacity.
+    pub(crate) fn pieces(&self, cloud: &SurfelCloud) -> Result<&PieceBounds, Error> {
+        match &self.0 {
+            Bounds::Pieces(bounds) if bounds.capacity == cloud.capacity.pieces => Ok(bounds),
+            _ => Err(self.mismatch(describe_pieces(cloud.capacity.pieces))),
         }
-        Err(Error::Mismatch {
+    }
+
+    /// Those of a cloud's surfels as disks on so many levels.
+    pub(crate) fn disks(&self, cloud: &SurfelCloud, levels: u32) -> Result<&DiskBounds, Error> {
+        match &self.0 {
+            Bounds::Disks(bounds)
+                if bounds.capacity == cloud.capacity.surfels && bounds.levels() == levels =>
+            {
+                Ok(bounds)
+            }
+            _ => Err(self.mismatch(describe_disks(cloud.capacity.surfels, levels))),
+        }
+    }
+
+    fn mismatch(&self, needed: String) -> Error {
+        Error::Mismatch {
             name: "SenderBounds",
-            found: format!("{} pieces", self.capacity),
-            needed: format!("{} pieces", cloud.capacity.pieces),
-        })
+            found: match &self.0 {
+                Bounds::Pieces(bounds) => describe_pieces(bounds.capacity),
+                Bounds::Disks(bounds) => describe_disks(bounds.capacity, bounds.levels()),
+            },
+            needed,
+        }
     }
 }
 
-/// The pipelines.
+fn describe_pieces(capacity: u32) -> String {
+    format!("{capacity} pieces")
+}
+
+fn describe_disks(capacity: u32, levels: u32) -> String {
+    format!("{capacity} disks on {levels} levels")
+}
+
+impl PieceBounds {
+    fn memory_bytes(&self) -> u64 {
+        let built: u64 = self.built.iter().map(VectorArray::bytes).sum();
+        2 * built + self.order.bytes() + self.range.size() + self.dispatches.size()
+    }
+}
+
+/// The pipelines for one kind of senders.
 #[derive(Debug)]
-pub(crate) struct SenderBoundsPass {
+pub(crate) enum SenderBoundsPass {
+    Pieces(Box<PieceBoundsPass>),
+    Disks(DiskBoundsPass, u32),
+}
+
+impl SenderBoundsPass {
+    pub fn new(
+        device: &Device,
+        senders: Senders,
+        cache: Option<&PipelineCache>,
+    ) -> Result<Self, Error> {
+        Ok(match senders {
+            Senders::Pieces => Self::Pieces(Box::new(PieceBoundsPass::new(device, cache)?)),
+            Senders::Disks { levels } => Self::Disks(DiskBoundsPass::new(device, cache)?, levels),
+        })
+    }
+
+    pub fn create(&self, device: &Device, cloud: &SurfelCloud) -> Result<SenderBounds, Error> {
+        Ok(SenderBounds(match self {
+            Self::Pieces(pass) => Bounds::Pieces(Box::new(pass.create(device, cloud)?)),
+            Self::Disks(_, levels) => {
+                Bounds::Disks(Box::new(DiskBounds::new(device, cloud, *levels)?))
+            }
+        }))
+    }
+
+    /// Records into a pass of its own.
+    ///
+    /// # Errors
+    /// [`Error::Mismatch`] for bounds of another kind, or of another cloud's capacity.
+    pub fn record(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        cloud: &SurfelCloud,
+        bounds: &SenderBounds,
+        timestamps: Option<Timestamps<'_>>,
+    ) -> Result<(), Error> {
+        match self {
+            Self::Pieces(pass) => {
+                let bounds = bounds.pieces(cloud)?;
+                pass.record(device, encoder, cloud, bounds, timestamps);
+            }
+            Self::Disks(pass, levels) => {
+                let bounds = bounds.disks(cloud, *levels)?;
+                pass.record(device, encoder, cloud, bounds, timestamps);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The pipelines for pieces.
+#[derive(Debug)]
+pub(crate) struct PieceBoundsPass {
     plan_layout: BindGroupLayout,
     build_layout: BindGroupLayout,
     plan: ComputePipeline,
@@ -144,13 +257,18 @@ pub(crate) struct SenderBoundsParams {
 }
 
 /// The depth with a single node: `top_of` of the shader.
-fn top_of(count: u32) -> u32 {
+pub(crate) fn top_of(count: u32) -> u32 {
     let bits = 32 - (count.max(1) - 1).leading_zeros();
     bits.div_ceil(2).max(1) - 1
 }
 
+/// Nodes at a depth: `nodes_at` of the shader.
+pub(crate) fn nodes_at(count: u32, depth: u32) -> u32 {
+    count.div_ceil(1 << (2 * depth + 2))
+}
+
 /// Where a depth's nodes begin: `depth_offset` of the shader.
-fn depth_offset(capacity: u32, depth: u32) -> u32 {
+pub(crate) fn depth_offset(capacity: u32, depth: u32) -> u32 {
     let third = capacity / 3 + 1;
     third - (third >> (2 * depth)) + 2 * depth
 }
@@ -161,7 +279,7 @@ pub(crate) fn source(plan: bool) -> Result<String, Error> {
     shader::assemble("sender_bounds", SOURCE, flags, &[])
 }
 
-impl SenderBoundsPass {
+impl PieceBoundsPass {
     pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
         let shared = [(0, UNIFORM), (1, READ), (2, READ), (3, WRITE), (4, WRITE)];
         let layout = |rest: &[(u32, BindingType)]| {
@@ -195,7 +313,7 @@ impl SenderBoundsPass {
         })
     }
 
-    pub fn create(&self, device: &Device, cloud: &SurfelCloud) -> Result<SenderBounds, Error> {
+    pub fn create(&self, device: &Device, cloud: &SurfelCloud) -> Result<PieceBounds, Error> {
         let capacity = cloud.capacity.pieces;
         let depths = top_of(capacity) + 1;
         let range = storage(
@@ -216,7 +334,7 @@ impl SenderBoundsPass {
                 LEAF_TEXELS * u64::from(capacity.div_ceil(4)),
             )?,
         ];
-        Ok(SenderBounds {
+        Ok(PieceBounds {
             nodes: built[0].view(),
             leaves: built[1].view(),
             built,
@@ -243,7 +361,7 @@ impl SenderBoundsPass {
         device: &Device,
         encoder: &mut CommandEncoder,
         cloud: &SurfelCloud,
-        bounds: &SenderBounds,
+        bounds: &PieceBounds,
         timestamps: Option<Timestamps<'_>>,
     ) {
         let [nodes, leaves] = &bounds.built;

@@ -62,8 +62,8 @@ pub enum Shadow<'a> {
     None,
     /// In the caller's shadow map.
     Map(ShadowMap<'a>),
-    /// By a ray from the surfel to the light, among the pieces of its cloud, given bounds that were recorded since the
-    /// cloud was ([`BouncedZBuffer::record_bounds`](crate::BouncedZBuffer::record_bounds)): exact, without a map or a
+    /// By a ray from the surfel to the light, among the pieces of its cloud, given their bounds recorded since the cloud
+    /// was ([`BouncedZBuffer::record_bounds`](crate::BouncedZBuffer::record_bounds)): exact, without a map or a
     /// bias. What the cloud was culled of casts none.
     Traced(&'a SenderBounds),
 }
@@ -231,7 +231,7 @@ impl SurfelShader {
     ///
     /// # Errors
     /// What [`SurfelShaderSettings::validate`], [`Light::validate`] and [`ShadowMap::validate`] find;
-    /// [`Error::Mismatch`] for bounds of another cloud's capacity;
+    /// [`Error::Mismatch`] for bounds of another cloud's capacity, or of disks;
     /// [`Error::Buffer`] for materials or radiance that are too small, lack a usage or are the same buffer as another
     /// one, [`Error::Limit`] for more materials than the device can bind. All before anything is recorded.
     pub fn record(
@@ -248,7 +248,9 @@ impl SurfelShader {
             match shadow {
                 Shadow::None => {}
                 Shadow::Map(map) => map.validate()?,
-                Shadow::Traced(bounds) => bounds.check(input.cloud)?,
+                Shadow::Traced(bounds) => {
+                    bounds.pieces(input.cloud)?;
+                }
             }
         }
         check_buffers(device, input)?;
@@ -272,7 +274,7 @@ impl SurfelShader {
                 settings.samples,
                 shaded,
                 index == 0,
-            );
+            )?;
         }
         Ok(())
     }
@@ -286,7 +288,7 @@ impl SurfelShader {
         samples: u32,
         shaded: Option<&ShadedLight<'_>>,
         first: bool,
-    ) {
+    ) -> Result<(), Error> {
         let cloud = input.cloud;
         let light = shaded.map(|s| &s.light);
         // Other placements leave a surfel without a triangle of its own.
@@ -326,6 +328,7 @@ impl SurfelShader {
                 &self.mapped
             }
             Some(Shadow::Traced(bounds)) => {
+                let bounds = bounds.pieces(cloud)?;
                 resources.extend([(9, view(&bounds.nodes)), (10, view(&bounds.leaves))]);
                 &self.traced
             }
@@ -337,6 +340,7 @@ impl SurfelShader {
         pass.set_bind_group(0, &group, &[]);
         // As many workgroups as wrote the surfels: none for a cloud that holds none.
         pass.dispatch_workgroups_indirect(&cloud.emission, 0);
+        Ok(())
     }
 }
 

@@ -1,6 +1,7 @@
 // Rays against senders: a ray visits the nodes over them from left to right, skips what it misses, and needs no stack.
 //
-// Asks of its importer the textures `nodes` and `leaves` (wgsl/sender_bounds.wgsl).
+// Asks of its importer the texture `nodes`, and meet_leaf(), where a ray meets the four senders of a run;
+// with #if SENDER_DISKS also reach_of(), beyond which it meets none with such radii.
 
 #import walk_tree
 
@@ -35,10 +36,6 @@ fn node_texel(i: u32) -> vec4f {
   return textureLoad(nodes, vec2u(i % TEXELS_A_ROW, i / TEXELS_A_ROW), 0);
 }
 
-fn leaf_texel(i: u32) -> vec4f {
-  return textureLoad(leaves, vec2u(i % TEXELS_A_ROW, i / TEXELS_A_ROW), 0);
-}
-
 // How far a ray goes before it may meet each of a node's four; FAR where it does not below t_max.
 fn enter_node(ray: Ray, node: u32, t_max: f32) -> vec4f {
   let first = node * NODE_TEXELS;
@@ -50,55 +47,12 @@ fn enter_node(ray: Ray, node: u32, t_max: f32) -> vec4f {
   let z1 = (node_texel(first + 5u) - ray.origin.z) * ray.inverse.z;
   let enter = max(max(min(x0, x1), min(y0, y1)), max(min(z0, z1), vec4f(0.0)));
   let leave = min(min(max(x0, x1), max(y0, y1)), max(z0, z1)) * (1.0 + SLAB_TOLERANCE);
-  return select(vec4f(FAR), enter, enter * (1.0 - SLAB_TOLERANCE) <= min(leave, vec4f(t_max)));
-}
-
-struct Four {
-  x: vec4f,
-  y: vec4f,
-  z: vec4f,
-}
-
-fn cross4(a: Four, b: Four) -> Four {
-  return Four(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
-}
-
-fn dot4(a: Four, b: Four) -> vec4f {
-  return a.x * b.x + a.y * b.y + a.z * b.z;
-}
-
-fn largest4(a: Four) -> vec4f {
-  return max(abs(a.x), max(abs(a.y), abs(a.z)));
-}
-
-fn four(v: vec3f) -> Four {
-  return Four(vec4f(v.x), vec4f(v.y), vec4f(v.z));
-}
-
-fn load_four(first: u32) -> Four {
-  return Four(leaf_texel(first), leaf_texel(first + 1u), leaf_texel(first + 2u));
-}
-
-// Where a ray meets four triangles, from either side; FAR where it does not (Moeller and Trumbore 1997).
-fn meet_leaf(ray: Ray, leaf: u32) -> vec4f {
-  let a = load_four(leaf * LEAF_TEXELS);
-  let e1 = load_four(leaf * LEAF_TEXELS + 3u);
-  let e2 = load_four(leaf * LEAF_TEXELS + 6u);
-  let d = four(ray.direction);
-  let p = cross4(d, e2);
-  let det = dot4(e1, p);
-  let s = Four(ray.origin.x - a.x, ray.origin.y - a.y, ray.origin.z - a.z);
-  let q = cross4(s, e1);
-  let per_det = 1.0 / det;
-  let u = dot4(s, p) * per_det;
-  let v = dot4(d, q) * per_det;
-  let t = dot4(e2, q) * per_det;
-  // Moving the ray sideways by the rounding of positions moves u and v by this much.
-  let size = largest4(e1) + largest4(e2);
-  let slack = POSITION_TOLERANCE * (largest4(a) + max_component(abs(ray.origin))) * size * abs(per_det);
-  // A ray within the triangle's plane passes it by; so does one whose figures left the range of f32.
-  let inside = (u >= -slack) & (v >= -slack) & (u + v <= 1.0 + slack) & (t > vec4f(0.0)) & (abs(det) > vec4f(1e-35));
-  return select(vec4f(FAR), t, inside);
+#if SENDER_DISKS
+  let end = min(vec4f(t_max), reach_of(node_texel(first + 6u)));
+#else
+  let end = vec4f(t_max);
+#endif
+  return select(vec4f(FAR), enter, enter * (1.0 - SLAB_TOLERANCE) <= min(leave, end));
 }
 
 #if STATISTICS
@@ -139,9 +93,14 @@ fn which4(v: vec4f, least: f32) -> u32 {
   return select(select(select(3u, 2u, v.z == least), 1u, v.y == least), 0u, v.x == least);
 }
 
-// The nearest hit closer than t_max; of two at the same distance that of the sender that comes first in the walk. With
-// `any` the first one found.
+// The nearest hit closer than t_max; of two at the same distance that of the sender with the lower index. With `any`
+// the first one found.
 fn walk(ray: Ray, count: u32, capacity: u32, t_max: f32, any: bool) -> Hit {
+  return walk_from(ray, 0u, count, capacity, t_max, any);
+}
+
+// The same among the senders of one of several trees, whose nodes begin at `first`.
+fn walk_from(ray: Ray, first: u32, count: u32, capacity: u32, t_max: f32, any: bool) -> Hit {
   var hit = Hit(t_max, NO_SENDER);
   if count == 0u {
     return hit;
@@ -156,7 +115,7 @@ fn walk(ray: Ray, count: u32, capacity: u32, t_max: f32, any: bool) -> Hit {
 #if STATISTICS
       nodes_tested++;
 #endif
-      let enter = enter_node(ray, depth_offset(capacity, depth) + i, hit.t);
+      let enter = enter_node(ray, first + depth_offset(capacity, depth) + i, hit.t);
       let nearest = least4(enter);
       let into = nearest < FAR;
       let which = which4(enter, nearest);
@@ -181,8 +140,11 @@ fn walk(ray: Ray, count: u32, capacity: u32, t_max: f32, any: bool) -> Hit {
 #endif
       let t = meet_leaf(ray, i);
       let nearest = least4(t);
-      if nearest < hit.t {
-        hit = Hit(nearest, i * 4u + which4(t, nearest));
+      let sender = i * 4u + which4(t, nearest);
+      // Nothing has been hit yet at t_max itself.
+      let before = nearest == hit.t && sender < hit.sender && hit.sender != NO_SENDER;
+      if nearest < hit.t || before {
+        hit = Hit(nearest, sender);
       }
       done = (any && hit.sender != NO_SENDER) || is_empty(open);
       let next = next_of(open);
