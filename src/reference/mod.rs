@@ -1,9 +1,12 @@
 //! CPU references (feature `reference`): a mirror in f64 of each pass, which reads line by line like its shader, and the
 //! ray-traced truth.
 
+pub mod bounced_z_buffer;
+pub mod directions;
 pub mod effects;
 pub mod gbuffer;
 pub mod hashing;
+pub mod hit_reconstructor;
 pub mod light;
 pub mod packing;
 pub mod receivers;

@@ -1,0 +1,129 @@
+//! Mirror of `wgsl/common/directions.wgsl`: sequences in the shader's own integers, angles in f64.
+
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+
+use glam::{DMat3, DVec2, DVec3};
+
+use super::hashing::{hash, hash2, unit_float};
+use crate::{
+    BouncedSettings, Sampling, bounced_z_buffer::params::grid, reference::shell_splatter::Receiver,
+};
+
+const BLOCK_PIXELS: u32 = 256;
+
+/// Two bits of x and y in turn, from four bits each.
+pub fn morton([x, y]: [u32; 2]) -> u32 {
+    let spread = |bits: u32| {
+        let mut v = bits & 15;
+        v = (v | (v << 2)) & 0x33;
+        (v | (v << 1)) & 0x55
+    };
+    spread(x) | (spread(y) << 1)
+}
+
+/// The second coordinate of Sobol's (0,2)-sequence, as a fraction of 2³²; the first one is the index's bits reversed.
+pub fn sobol2(index: u32) -> u32 {
+    let mut bits = index;
+    let mut column = 0x8000_0000_u32;
+    let mut sum = 0;
+    while bits != 0 {
+        if bits & 1 != 0 {
+            sum ^= column;
+        }
+        column ^= column >> 1;
+        bits >>= 1;
+    }
+    sum
+}
+
+/// The point of cell `index` of columns × rows, in the unit square.
+pub fn cell_point(pixel: [u32; 2], index: u32, [columns, rows]: [u32; 2], frame: u32) -> DVec2 {
+    let block = pixel.map(|p| p / 16);
+    let number = morton(pixel).wrapping_add(frame.wrapping_mul(BLOCK_PIXELS));
+    let key = hash2(block[0] | (block[1] << 16), index);
+    let x = unit_float(number.reverse_bits() ^ key);
+    let y = unit_float(sobol2(number) ^ hash(key));
+    DVec2::new(
+        (f64::from(index % columns) + x) / f64::from(columns),
+        (f64::from(index / columns) + y) / f64::from(rows),
+    )
+}
+
+/// The unit square to the unit disk by equal areas (Shirley and Chiu 1997).
+pub fn concentric_disk(square: DVec2) -> DVec2 {
+    let p = 2.0 * square - 1.0;
+    if p == DVec2::ZERO {
+        return DVec2::ZERO;
+    }
+    let wide = p.x.abs() > p.y.abs();
+    let (radius, angle) = if wide {
+        (p.x, FRAC_PI_4 * (p.y / p.x))
+    } else {
+        (p.y, FRAC_PI_2 - FRAC_PI_4 * (p.x / p.y))
+    };
+    radius * DVec2::from_angle(angle)
+}
+
+/// Two unit vectors that complete n to a right-handed frame (Duff et al. 2017).
+pub fn tangent_frame(n: DVec3) -> DMat3 {
+    let s = if n.z >= 0.0 { 1.0 } else { -1.0 };
+    let a = -1.0 / (s + n.z);
+    let b = n.x * n.y * a;
+    DMat3::from_cols(
+        DVec3::new(1.0 + s * n.x * n.x * a, s * b, -s * n.x),
+        DVec3::new(b, s + n.y * n.y * a, -n.y),
+        n,
+    )
+}
+
+/// A direction, and how it was drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Direction {
+    /// A unit vector.
+    pub direction: DVec3,
+    /// Density over solid angle with which it was drawn, 1/sr.
+    pub pdf: f64,
+}
+
+/// A point of the unit square to the hemisphere about a unit normal.
+pub fn hemisphere_direction(point: DVec2, normal: DVec3, sampling: Sampling) -> Direction {
+    let disk = concentric_disk(point);
+    let r2 = disk.length_squared();
+    match sampling {
+        Sampling::Uniform => {
+            let height = 1.0 - r2;
+            let d = (disk * (2.0 - r2).max(0.0).sqrt()).extend(height);
+            Direction {
+                direction: tangent_frame(normal) * d,
+                pdf: 0.5 / PI,
+            }
+        }
+        Sampling::Cosine => {
+            let height = (1.0 - r2).max(0.0).sqrt();
+            Direction {
+                direction: tangent_frame(normal) * disk.extend(height),
+                pdf: height / PI,
+            }
+        }
+    }
+}
+
+/// All directions of a view: of each pixel, rows from the top, one after the other, as many as the settings say and one
+/// at least; `None` for the sky.
+pub fn directions(
+    receivers: &[Option<Receiver>],
+    width: u32,
+    settings: &BouncedSettings,
+    sampling: Sampling,
+) -> Vec<Option<Direction>> {
+    let grid = grid(settings.directions);
+    (0..)
+        .zip(receivers)
+        .flat_map(|(i, receiver)| {
+            (0..grid[0] * grid[1]).map(move |index| {
+                let point = cell_point([i % width, i / width], index, grid, settings.frame);
+                receiver.map(|r| hemisphere_direction(point, r.normal, sampling))
+            })
+        })
+        .collect()
+}
