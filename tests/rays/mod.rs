@@ -67,8 +67,8 @@ pub fn triangles() -> SurfelizerSettings {
 /// Room for what these tests make.
 pub const AMPLE: CloudCapacity = CloudCapacity {
     surfels: 1 << 17,
-    pieces: 1 << 15,
-    triangles: 1 << 15,
+    pieces: 1 << 16,
+    triangles: 1 << 17,
 };
 
 /// A cloud with its bounds, and what it holds.
