@@ -160,7 +160,9 @@ fn hits_are_the_mirrors() {
                     senders.pieces.len()
                 );
                 let odd = compare(&name, &shot, &senders, &settings, sampling);
-                assert!(odd <= ODD_RAYS, "{name}: {odd}");
+                // Of the few rays of a small image a pixel's may be odd.
+                let pixel = 1.0 / shot.pixels.len() as f64;
+                assert!(odd <= ODD_RAYS.max(pixel), "{name}: {odd}");
             }
         }
     }
@@ -663,7 +665,8 @@ fn directions_have_their_density() {
         })
         .sum::<f64>()
         / f64::from(points);
-    assert!((mean - 1.0).abs() < 1e-3, "{mean}");
+    // Sixteen nets of 256 points, independent of each other; measured at 1e-3.
+    assert!((mean - 1.0).abs() < 5e-3, "{mean}");
 }
 
 /// The concentric map keeps areas and order, and reaches the rim.
@@ -696,21 +699,19 @@ fn disk_keeps_areas() {
     }
 }
 
-/// Within each aligned square of 4^k pixels a cell's points are one in each of 4^k subcells of every shape, and frames go
-/// on with the sequence.
+/// Within each aligned square of 4^k pixels a cell's points are one in each of 4^k subcells of every shape, in any frame.
 #[test]
 fn squares_of_pixels_are_stratified() {
-    for (side, frames) in [(2_u32, 1), (4, 1), (8, 1), (16, 1), (16, 4), (16, 16)] {
-        let count = side * side * frames;
-        for corner in [[0, 0], [16, 32], [4096, 2048]] {
+    for side in [2_u32, 4, 8, 16] {
+        let count = side * side;
+        for (corner, frame) in [([0, 0], 0), ([16, 32], 1), ([4096, 2048], 1 << 20)] {
             for index in [0, 3, 11] {
                 for columns in (0..=count.ilog2()).map(|power| 1_u32 << power) {
                     let rows = count / columns;
                     let mut taken = vec![false; count as usize];
                     for i in 0..count {
-                        let pixel = [i % side + corner[0], i / side % side + corner[1]];
-                        // The third row of a grid of 4 x 3 cells.
-                        let point = cell_point(pixel, index, [4, 3], i / (side * side));
+                        let pixel = [i % side + corner[0], i / side + corner[1]];
+                        let point = cell_point(pixel, index, [4, 3], frame);
                         let cell = DVec2::new(f64::from(index % 4), f64::from(index / 4));
                         let within = point * DVec2::new(4.0, 3.0) - cell;
                         let x = (within.x * f64::from(columns) + 1e-9) as u32;
@@ -718,13 +719,39 @@ fn squares_of_pixels_are_stratified() {
                         let at = (y * columns + x) as usize;
                         assert!(
                             !taken[at],
-                            "{side}x{side} pixels at {corner:?}, {frames} frames, cell {index}: two points in {columns}x{rows}"
+                            "{side}x{side} pixels at {corner:?}, frame {frame}, cell {index}: two points in {columns}x{rows}"
                         );
                         taken[at] = true;
                     }
                 }
             }
         }
+    }
+}
+
+/// One pixel's points over frames fill its cells evenly too: chi-square over 8 x 8 subcells.
+#[test]
+fn frames_fill_the_cells() {
+    for (pixel, index) in [([0, 0], 0), ([7, 12], 1), ([333, 18], 3)] {
+        let mut counts = [0_u32; 64];
+        let frames = 6400;
+        for frame in 0..frames {
+            let within = cell_point(pixel, index, [2, 2], frame) * 2.0
+                - DVec2::new(f64::from(index % 2), f64::from(index / 2));
+            let [x, y] = [within.x, within.y].map(|v| ((v * 8.0) as usize).min(7));
+            counts[y * 8 + x] += 1;
+        }
+        let expected = f64::from(frames) / 64.0;
+        let chi2: f64 = counts
+            .iter()
+            .map(|&count| (f64::from(count) - expected).powi(2) / expected)
+            .sum();
+        println!("pixel {pixel:?}, cell {index}: chi-square {chi2}");
+        // 63 degrees of freedom: mean 63, deviation 11.2.
+        assert!(
+            chi2 < 63.0 + 4.0 * 11.2,
+            "pixel {pixel:?}, cell {index}: {chi2}"
+        );
     }
 }
 

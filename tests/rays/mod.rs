@@ -3,7 +3,7 @@
 // Each user needs a part of it.
 #![allow(dead_code)]
 
-use std::sync::LazyLock;
+use std::sync::{LazyLock, OnceLock};
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Camera,
@@ -29,6 +29,8 @@ pub struct Lab {
     pub gpu: Gpu,
     pub surfelizer: Surfelizer,
     tracers: Vec<(BouncedDescriptor, BouncedZBuffer)>,
+    /// By payload, sampling and whether they are deferred.
+    reconstructors: [OnceLock<HitReconstructor>; 8],
 }
 
 static LAB: LazyLock<Lab> = LazyLock::new(|| {
@@ -48,6 +50,7 @@ static LAB: LazyLock<Lab> = LazyLock::new(|| {
     Lab {
         surfelizer: Surfelizer::new(&gpu.device, None).expect("pipelines"),
         tracers,
+        reconstructors: Default::default(),
         gpu,
     }
 });
@@ -243,14 +246,19 @@ impl Lab {
         payload: Payload,
         sampling: Sampling,
         deferred: bool,
-    ) -> HitReconstructor {
+    ) -> &HitReconstructor {
+        let index = 4 * usize::from(payload == Payload::Radiance)
+            + 2 * usize::from(sampling == Sampling::Uniform)
+            + usize::from(deferred);
         let descriptor = HitReconstructorDescriptor {
             payload,
             sampling,
             deferred,
             target: wgpu::TextureFormat::Rgba32Float,
         };
-        HitReconstructor::new(&self.gpu.device, &descriptor, None).expect("pipelines")
+        self.reconstructors[index].get_or_init(|| {
+            HitReconstructor::new(&self.gpu.device, &descriptor, None).expect("pipelines")
+        })
     }
 
     /// The picture within the viewport.
