@@ -120,7 +120,7 @@ fn hits_are_the_mirrors() {
     for (scene, size, cases) in [
         (
             scenes::closed_room(),
-            48,
+            32,
             &[
                 (1, 0, f32::INFINITY),
                 (5, 3, 1.0),
@@ -130,10 +130,10 @@ fn hits_are_the_mirrors() {
         ),
         (
             scenes::cornell(),
-            48,
+            32,
             &[(4, 1, f32::INFINITY), (16, 0, 0.5), (33, 7, f32::INFINITY)],
         ),
-        (scenes::colonnade(), 12, &[(4, 2, f32::INFINITY)]),
+        (scenes::colonnade(), 8, &[(4, 2, f32::INFINITY)]),
         (
             scenes::dominoes(),
             24,
