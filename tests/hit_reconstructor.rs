@@ -179,7 +179,7 @@ fn reconstruction_is_the_mirrors() {
                     };
                     let expected = mirror.reconstruct(&mirror.average());
                     let found = lab.reconstruct(
-                        &reconstructor,
+                        reconstructor,
                         &shot,
                         &senders,
                         (&hits, &traced),

@@ -149,9 +149,12 @@ impl HitReconstruction<'_> {
                     sum += weight * theirs.mean;
                     weights += weight;
                 } else if weight > 1e-3 {
-                    for i in index(there) * directions..(index(there) + 1) * directions {
-                        let own_share = weight * share(normal, drawn[i]?).min(4.0);
-                        sum += own_share * self.incoming[i];
+                    let theirs = index(there) * directions..(index(there) + 1) * directions;
+                    for (drawn, &incoming) in
+                        drawn[theirs.clone()].iter().zip(&self.incoming[theirs])
+                    {
+                        let own_share = weight * share(normal, (*drawn)?).min(4.0);
+                        sum += own_share * incoming;
                         weights += own_share;
                     }
                 }
