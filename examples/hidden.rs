@@ -112,7 +112,7 @@ fn compare(
 /// As well as the depth buffer allows: whatever is lower than a horizon is hidden.
 fn from_depth(gpu: &Gpu, drawn: &Raster, camera: &Camera, radius: f32) -> Vec<f32> {
     let device = &gpu.device;
-    let mut passes = DepthOnly::new(device, [WIDTH, HEIGHT]);
+    let passes = DepthOnly::new(device, [WIDTH, HEIGHT]);
     let target = passes.create_target(device, DepthOnly::GRAY);
     let settings = AmbientOcclusionSettings {
         radius,

@@ -136,6 +136,7 @@ fn trace(
         bounds: &bounds,
         radiance,
         timestamps: None,
+        roughness: None,
     };
     pass.record(device, &mut encoder, &input, settings, &view)
         .expect("hits");
@@ -757,6 +758,7 @@ fn what_does_not_fit_is_a_typed_error() {
                 bounds: &bounds,
                 radiance: None,
                 timestamps: None,
+                roughness: None,
             };
             let settings = settings(1, good);
             let recorded = [
@@ -832,6 +834,7 @@ fn picture(
         traced,
         target: &target,
         timestamps: None,
+        roughness: None,
     };
     let settings = HitReconstructorSettings::default();
     pass.record(device, &mut encoder, &input, &settings, &scratch)

@@ -146,6 +146,7 @@ impl Stage {
                 payload,
                 sampling: Sampling::Glossy,
                 statistics: false,
+                ..BouncedDescriptor::default()
             };
             BouncedZBuffer::new(device, &descriptor, None).expect("pipelines")
         });

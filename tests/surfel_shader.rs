@@ -8,10 +8,10 @@ mod support;
 use std::f64::consts::PI;
 
 use deep_screen_space::{
-    Camera, CloudCapacity, Error, Geometry, Light, Material, Piece, Placement, ShadedLight, Shadow,
-    ShadowMap, Surfel, SurfelCloud, SurfelCounts, SurfelRadiance, SurfelShader, SurfelShaderInput,
-    SurfelShaderSettings, SurfelSource, Surfelizer, SurfelizerInput, SurfelizerSettings,
-    Timestamps, Viewport,
+    BouncedDescriptor, BouncedZBuffer, Camera, CloudCapacity, Error, Geometry, Light, Material,
+    Piece, Placement, ShadedLight, Shadow, ShadowMap, Surfel, SurfelCloud, SurfelCounts,
+    SurfelRadiance, SurfelShader, SurfelShaderInput, SurfelShaderSettings, SurfelSource,
+    Surfelizer, SurfelizerInput, SurfelizerSettings, Timestamps, Viewport,
     glam::{DMat4, DVec3, Mat4},
     reference::{self, packing::unpack_normal, surfel_shader as mirror, trace::Tracer},
     scenes::{self, Part, Scene},
@@ -954,6 +954,130 @@ fn maps_come_near_traced_shadows() {
         println!("{size} texels: {wrong} of {} differ", found.len());
         let accepted = (accepted * found.len() as f64) as usize;
         assert!(wrong <= accepted, "{size}: {wrong} of {}", found.len());
+    }
+}
+
+/// Shadows by rays are the ray tracer's but for surfels at a shadow's very edge, and for those on a crease, where the ray
+/// starts off the surface by some 1e-6 of its distance. Bounds of another cloud are refused.
+#[test]
+fn traced_shadows_are_the_tracers() {
+    let lab = Lab::new();
+    let device = &lab.gpu.device;
+    let tracing =
+        BouncedZBuffer::new(device, &BouncedDescriptor::default(), None).expect("pipelines");
+    for (scene, light) in [
+        (
+            scenes::cornell(),
+            point(DVec3::new(0.6, 4.3, 0.4), [20.0, 18.0, 14.0]),
+        ),
+        (
+            scenes::closed_room(),
+            point(DVec3::new(-0.83, 2.1, 0.52), [5.0; 3]),
+        ),
+        (
+            scenes::dominoes(),
+            Light::Directional {
+                direction: DVec3::new(0.31, -1.0, 0.17),
+                irradiance: [3.0, 2.0, 1.0],
+            },
+        ),
+    ] {
+        let settings = SurfelizerSettings {
+            radius_pixels: 2.0,
+            density: f32::INFINITY,
+            ..SurfelizerSettings::default()
+        };
+        let lit = lab.cloud(&scene, &camera_of(&scene, 0, [64, 64]), &settings);
+        let bounds = tracing.create_bounds(device, &lit.cloud).expect("bounds");
+        let mut encoder = lab.gpu.encoder();
+        tracing
+            .record_bounds(device, &mut encoder, &lit.cloud, &bounds, None)
+            .expect("bounds");
+        lab.gpu.finish(encoder);
+        let materials = scene.material_table();
+        let shaded = ShadedLight {
+            light,
+            shadow: Shadow::Traced(&bounds),
+        };
+        let tracer = Tracer::new(&scene.positions, &scene.indices).expect("a scene");
+        for samples in [1, 4] {
+            let found = lab.shade(&lit, &materials, &[shaded], samples);
+            let (mut wrong, mut dark) = (0, 0);
+            for (surfel, found) in lit.surfels.iter().zip(&found) {
+                let material = materials[surfel.material as usize];
+                let points: Vec<DVec3> = match surfel.leaf {
+                    Some(leaf) if samples > 1 => (0..samples)
+                        .map(|k| {
+                            let t = reference::surfelizer::leaf_of(leaf, k, samples.ilog2());
+                            (t.a + t.b + t.c) / 3.0
+                        })
+                        .collect(),
+                    _ => vec![surfel.position],
+                };
+                let direct = |normal| {
+                    let each =
+                        |p: &DVec3| tracer.direct(*p, normal, color(material.albedo), &[light]);
+                    points.iter().map(each).sum::<DVec3>() / points.len() as f64
+                };
+                let front = direct(surfel.normal) + color(material.emission) / PI;
+                let back = direct(-surfel.normal);
+                dark += usize::from(front == DVec3::ZERO && back == DVec3::ZERO);
+                // A packed normal is off by 5e-5, which counts where light grazes.
+                wrong += usize::from([(found.front, front), (found.back, back)].into_iter().any(
+                    |(found, expected)| {
+                        (color(found) - expected).abs().max_element()
+                            > 1e-3 * expected.max_element() + 1e-5
+                    },
+                ));
+            }
+            let name = format!("{}, {samples} samples", scene.name);
+            println!("{name}: {wrong} of {} differ, {dark} are dark", found.len());
+            assert!(dark > found.len() / 100, "{name}: {dark} dark");
+            assert!(
+                wrong <= 1 + found.len() / 200,
+                "{name}: {wrong} of {}",
+                found.len()
+            );
+        }
+        let small = lab
+            .surfelizer
+            .create_cloud(
+                device,
+                CloudCapacity {
+                    surfels: 1,
+                    pieces: 1,
+                    triangles: 1,
+                },
+            )
+            .expect("a cloud");
+        let others = tracing.create_bounds(device, &small).expect("bounds");
+        let table = lab.gpu.buffer(&materials, wgpu::BufferUsages::STORAGE);
+        let radiance = lab
+            .shader
+            .create_radiance(device, &lit.cloud)
+            .expect("room");
+        let refused = lab.shader.record(
+            device,
+            &mut lab.gpu.encoder(),
+            &SurfelShaderInput {
+                cloud: &lit.cloud,
+                materials: &table,
+                lights: &[ShadedLight {
+                    light,
+                    shadow: Shadow::Traced(&others),
+                }],
+                radiance: &radiance,
+                timestamps: None,
+            },
+            &SurfelShaderSettings { samples: 1 },
+        );
+        assert!(matches!(
+            refused,
+            Err(Error::Mismatch {
+                name: "SenderBounds",
+                ..
+            })
+        ));
     }
 }
 

@@ -6,8 +6,10 @@ mod shot;
 mod support;
 
 use deep_screen_space::{
-    AmbientOcclusion, Channels, CloudCapacity, ClusterInput, Error, Geometry, Reconstructor,
-    ReconstructorInput, ReconstructorSettings, ShellSplatter, ShellSplatterDescriptor, SplatInput,
+    AmbientOcclusion, BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, Channels,
+    CloudCapacity, ClusterInput, Error, Geometry, HitReconstructor, HitReconstructorDescriptor,
+    HitReconstructorInput, HitReconstructorSettings, Payload, Reconstructor, ReconstructorInput,
+    ReconstructorSettings, Sampling, ShellSplatter, ShellSplatterDescriptor, SplatInput,
     SplatSettings, SurfelShader, SurfelShaderInput, SurfelShaderSettings, Surfelizer,
     SurfelizerInput, SurfelizerSettings, TemporalAccumulator, TemporalInput, TemporalSettings,
     Timestamps, scenes, wgpu,
@@ -29,7 +31,7 @@ fn recordings_write_their_times() {
     let set = device.create_query_set(&wgpu::QuerySetDescriptor {
         label: None,
         ty: wgpu::QueryType::Timestamp,
-        count: 12,
+        count: 18,
     });
     let stamps = |begin| {
         Some(Timestamps {
@@ -174,13 +176,55 @@ fn recordings_write_their_times() {
     accumulator
         .record(device, &mut encoder, &input, &settings, &mut history)
         .expect("a mean");
+    let tracer =
+        BouncedZBuffer::new(device, &BouncedDescriptor::default(), None).expect("pipelines");
+    let bounds = tracer.create_bounds(device, &cloud).expect("bounds");
+    let hits = tracer.create_view(device, 16, 16, 16).expect("a view");
+    tracer
+        .record_bounds(device, &mut encoder, &cloud, &bounds, stamps(12))
+        .expect("bounds");
+    let input = BouncedInput {
+        gbuffer: shot.gbuffer(),
+        camera: &shot.camera,
+        cloud: &cloud,
+        bounds: &bounds,
+        radiance: None,
+        timestamps: stamps(14),
+        roughness: None,
+    };
+    let traced = BouncedSettings::default();
+    tracer
+        .record(device, &mut encoder, &input, &traced, &hits)
+        .expect("hits");
+    let descriptor = HitReconstructorDescriptor {
+        payload: Payload::Occlusion,
+        sampling: Sampling::Cosine,
+        deferred: true,
+        target: format,
+    };
+    let reconstructor = HitReconstructor::new(device, &descriptor, None).expect("pipelines");
+    let scratch = reconstructor.create_view(device, 16, 16).expect("a view");
+    let input = HitReconstructorInput {
+        gbuffer: shot.gbuffer(),
+        camera: &shot.camera,
+        cloud: &cloud,
+        hits: &hits,
+        traced: &traced,
+        target: &target,
+        timestamps: stamps(16),
+        roughness: None,
+    };
+    let settings = HitReconstructorSettings::default();
+    reconstructor
+        .record(device, &mut encoder, &input, &settings, &scratch)
+        .expect("a picture");
     let resolved = device.create_buffer(&wgpu::BufferDescriptor {
         label: None,
-        size: 96,
+        size: 144,
         usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
         mapped_at_creation: false,
     });
-    encoder.resolve_query_set(&set, 0..12, &resolved, 0);
+    encoder.resolve_query_set(&set, 0..18, &resolved, 0);
     gpu.finish(encoder);
     let times: Vec<u64> = gpu.read_buffer(&resolved);
     println!("{times:?}");

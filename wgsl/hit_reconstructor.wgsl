@@ -179,7 +179,14 @@ fn average(@builtin(global_invocation_id) id: vec3u) {
     let per_weight = 1.0 / max(weights, 1e-6);
     mean = sum * per_weight;
     let spread = max(squares * per_weight - luminance(mean) * luminance(mean), 0.0);
-    variance = spread / f32(directions());
+    // Directions are stratified, which halves it; few that agree may do so by chance, by half of one of them.
+#if RADIANCE
+    let whole = luminance(mean);
+#else
+    let whole = 1.0;
+#endif
+    let chance = 0.5 * whole / f32(directions());
+    variance = 0.5 * spread / f32(directions()) + chance * chance;
   }
   textureStore(means, pixel, vec4f(mean, variance));
 }

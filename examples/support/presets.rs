@@ -53,9 +53,9 @@ pub fn preset(name: &str, radius: f32) -> Option<Preset> {
 /// One of [`NAMES`], for hits nearer than `radius`.
 pub fn bounced_preset(name: &str, radius: f32) -> Option<BouncedPreset> {
     let (directions, window, deviations, radius_pixels, samples) = match name {
-        "fast" => (4, 6, 0.0, 4.0, 1),
-        "balanced" => (16, 3, 0.0, 4.0, 4),
-        "accurate" => (64, 3, 0.0, 2.0, 4),
+        "fast" => (4, 6, 0.0, 6.0, 1),
+        "balanced" => (16, 3, 4.0, 4.0, 1),
+        "accurate" => (64, 3, 3.0, 2.0, 4),
         _ => return None,
     };
     Some(BouncedPreset {

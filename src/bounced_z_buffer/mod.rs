@@ -430,11 +430,16 @@ impl BouncedZBuffer {
         resources.extend(roughness.map(|roughness| (12, binding::view(roughness))));
         let group = binding::group(device, LABEL, &self.layout, &resources);
         let mut pass = compute_pass(encoder, LABEL, input.timestamps);
-        if settings.directions > 0 {
+        // Bits were cleared; a layer of colours cannot be, and without directions gets one that meets nothing.
+        let layers = match view.hits {
+            Hits::Bits(_) => settings.directions,
+            Hits::Colors(_) => settings.directions.max(1),
+        };
+        if layers > 0 {
             let [width, height] = view.size();
             pass.set_pipeline(&self.trace);
             pass.set_bind_group(0, &group, &[]);
-            pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), settings.directions);
+            pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), layers);
         }
         Ok(())
     }

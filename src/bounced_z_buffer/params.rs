@@ -25,6 +25,12 @@ pub struct BouncedParams {
 impl BouncedParams {
     pub fn new(settings: &BouncedSettings, size: [u32; 2], capacity: CloudCapacity) -> Self {
         let [columns, rows] = grid(settings.directions);
+        // Without directions nothing is met and nothing arrives.
+        let (background, radius) = if settings.directions == 0 {
+            ([0.0; 3], 0.0)
+        } else {
+            (settings.background, settings.radius)
+        };
         Self {
             size,
             columns,
@@ -33,8 +39,8 @@ impl BouncedParams {
             words: words(settings.directions),
             piece_capacity: capacity.pieces,
             surfel_capacity: capacity.surfels,
-            background: settings.background,
-            world_radius: settings.radius.min(UNBOUNDED),
+            background,
+            world_radius: radius.min(UNBOUNDED),
         }
     }
 }

@@ -108,8 +108,8 @@ pub struct BouncedSettings {
     pub directions: u32,
     /// The distance beyond which hits do not count, world units, ≥ 0; `f32::INFINITY` (default) for none.
     pub radius: f32,
-    /// Which part of the sequence of directions to take, 0…2²⁰. Successive numbers in successive frames give new
-    /// directions that fill the gaps between the old ones. Default 0.
+    /// Which set of directions to take, 0…2²⁰. Another number in each frame gives directions that are independent of
+    /// the old ones: the noise of a mean over frames falls with the root of their number. Default 0.
     pub frame: u32,
     /// Radiance that comes from where nothing is hit, linear RGB, W/(m² sr), each 0…1e18; of use with
     /// [`Payload::Radiance`](crate::Payload::Radiance) alone. Default black.

@@ -142,3 +142,143 @@ impl SortBuffer {
         self.items.size() + self.other.size() + self.counts.bytes()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use wgpu::util::DeviceExt;
+
+    use super::*;
+
+    fn device() -> (Device, wgpu::Queue) {
+        pollster::block_on(async {
+            let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
+            descriptor.flags |= wgpu::InstanceFlags::DISCARD_HAL_LABELS;
+            let adapter = wgpu::Instance::new(descriptor)
+                .request_adapter(&wgpu::RequestAdapterOptions::default())
+                .await
+                .expect("a graphics adapter");
+            adapter
+                .request_device(&wgpu::DeviceDescriptor::default())
+                .await
+                .expect("a device")
+        })
+    }
+
+    fn sort(
+        (device, queue): &(Device, wgpu::Queue),
+        sort: &Sort,
+        keys: &[u32],
+        capacity: u32,
+    ) -> Vec<[u32; 2]> {
+        let length = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: None,
+            contents: bytemuck::bytes_of(&(keys.len() as u32)),
+            usage: BufferUsages::STORAGE,
+        });
+        // What lies beyond the length is not to be touched.
+        let items: Vec<[u32; 2]> = (0..capacity)
+            .map(|i| [keys.get(i as usize).copied().unwrap_or(7), i])
+            .collect();
+        let input = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: None,
+            contents: bytemuck::cast_slice(&items),
+            usage: BufferUsages::COPY_SRC | BufferUsages::STORAGE,
+        });
+        let buffer = sort
+            .buffer(device, "sorted", capacity, &length)
+            .expect("room");
+        let output = device.create_buffer(&wgpu::BufferDescriptor {
+            label: None,
+            size: 8 * u64::from(capacity),
+            usage: BufferUsages::MAP_READ | BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let layout = |entries: &[(u32, wgpu::BindingType)]| {
+            binding::layout(device, "copy", ShaderStages::COMPUTE, entries)
+        };
+        // The sort's own buffers are the GPU's alone: kernels copy into and out of them.
+        let layout = layout(&[(0, READ), (1, WRITE)]);
+        let source = "
+            @group(0) @binding(0) var<storage, read> a: array<vec2u>;
+            @group(0) @binding(1) var<storage, read_write> b: array<vec2u>;
+            @compute @workgroup_size(64)
+            fn copy(@builtin(global_invocation_id) id: vec3u) {
+              if id.x < arrayLength(&a) { b[id.x] = a[id.x]; }
+            }";
+        let copy = Kernel {
+            label: "copy",
+            module: &shader::create(device, "copy", source.into()),
+            entry: "copy",
+            layouts: &[&layout],
+            constants: &[],
+            cache: None,
+        }
+        .create(device);
+        let sorted = storage(
+            device,
+            "sorted",
+            8 * u64::from(capacity),
+            BufferUsages::COPY_SRC,
+        )
+        .expect("room");
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        let groups = capacity.div_ceil(64);
+        let group =
+            |from, to| binding::group(device, "copy", &layout, &[(0, whole(from)), (1, whole(to))]);
+        dispatch(&mut pass, &copy, &group(&input, &buffer.items), groups);
+        sort.record(&mut pass, &buffer);
+        dispatch(&mut pass, &copy, &group(&buffer.items, &sorted), groups);
+        drop(pass);
+        encoder.copy_buffer_to_buffer(&sorted, 0, &output, 0, output.size());
+        queue.submit([encoder.finish()]);
+        output.map_async(wgpu::MapMode::Read, .., |mapped| mapped.expect("it maps"));
+        device
+            .poll(wgpu::PollType::wait_indefinitely())
+            .expect("the device answers");
+        let bytes = output.get_mapped_range(..).expect("it is mapped");
+        bytemuck::pod_collect_to_vec(&bytes)
+    }
+
+    /// By key, and of equal keys the one that came first; whatever the number of keys is to a block.
+    #[test]
+    fn sorts_and_is_stable() {
+        let device = device();
+        let kernels = Sort::new(&device.0, None).expect("pipelines");
+        let random = |i: u32| {
+            let x = (i + 1).wrapping_mul(0x9e37_79b9);
+            (x ^ (x >> 15)).wrapping_mul(0x846c_a68b) ^ (x >> 7)
+        };
+        for (name, key) in [
+            ("random", random as fn(u32) -> u32),
+            ("equal", |_| 0xf000_0001),
+            ("sorted", |i| i * 40_000),
+            ("reversed", |i| u32::MAX - i),
+            ("few", |i| (i.wrapping_mul(7) % 5) << 28),
+        ] {
+            for (length, capacity) in [
+                (0, 1),
+                (0, 3000),
+                (1, 1),
+                (1, 1025),
+                (1023, 1023),
+                (1024, 1024),
+                (1025, 1025),
+                (1500, 4096),
+                (100_000, 100_000),
+            ] {
+                let keys: Vec<u32> = (0..length).map(key).collect();
+                let mut expected: Vec<[u32; 2]> =
+                    keys.iter().zip(0..).map(|(&key, i)| [key, i]).collect();
+                expected.sort_by_key(|item| item[0]);
+                let found = sort(&device, &kernels, &keys, capacity);
+                let wrong = found.iter().zip(&expected).position(|(f, e)| f != e);
+                assert_eq!(wrong, None, "{name}, {length} keys in {capacity}");
+                let beyond = found.iter().zip(0..).skip(length as usize);
+                for (item, i) in beyond {
+                    assert_eq!(*item, [7, i], "{name}, {length} keys in {capacity}");
+                }
+            }
+        }
+    }
+}

@@ -9,7 +9,7 @@ use crate::{
     BouncedSettings, Sampling, bounced_z_buffer::params::grid, reference::shell_splatter::Receiver,
 };
 
-const BLOCK_PIXELS: u32 = 256;
+const CELLS: u32 = 64;
 
 /// Two bits of x and y in turn, from four bits each.
 pub fn morton([x, y]: [u32; 2]) -> u32 {
@@ -39,8 +39,11 @@ pub fn sobol2(index: u32) -> u32 {
 /// The point of cell `index` of columns × rows, in the unit square.
 pub fn cell_point(pixel: [u32; 2], index: u32, [columns, rows]: [u32; 2], frame: u32) -> DVec2 {
     let block = pixel.map(|p| p / 16);
-    let number = morton(pixel).wrapping_add(frame.wrapping_mul(BLOCK_PIXELS));
-    let key = hash2(block[0] | (block[1] << 16), index);
+    let number = morton(pixel);
+    let key = hash2(
+        block[0] | (block[1] << 16),
+        index.wrapping_add(CELLS.wrapping_mul(frame)),
+    );
     let x = unit_float(number.reverse_bits() ^ key);
     let y = unit_float(sobol2(number) ^ hash(key));
     DVec2::new(

@@ -2,11 +2,13 @@
 //! ray-traced truth.
 
 pub mod bounced_disks;
+pub mod bounced_z_buffer;
 pub mod directions;
 pub mod effects;
 pub mod gbuffer;
 pub mod ggx;
 pub mod hashing;
+pub mod hit_reconstructor;
 pub mod light;
 pub mod packing;
 pub mod receivers;

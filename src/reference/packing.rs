@@ -36,3 +36,31 @@ pub fn unpack_normal(bits: u32) -> DVec3 {
     let snorm = |half: u32| (f64::from(half as u16 as i16) / 32767.0).max(-1.0);
     octahedral_to(DVec2::new(snorm(bits), snorm(bits >> 16))).normalize()
 }
+
+/// A colour of 0 to 1e30 in four bytes: 8 bits a channel and a shared exponent. In the shader's own f32, since a bit
+/// more or less would be another colour.
+pub fn pack_color(color: [f32; 3]) -> u32 {
+    let c = color.map(|c| c.clamp(0.0, 1e30));
+    let largest = c[0].max(c[1]).max(c[2]);
+    if largest.is_nan() || largest < 1e-30 {
+        return 0;
+    }
+    let mut exponent = (largest.to_bits() >> 23) as i32 - 126;
+    if largest * color_scale(exponent) >= 255.5 {
+        exponent += 1;
+    }
+    let [r, g, b] = c.map(|c| (c * color_scale(exponent) + 0.5).floor() as u32);
+    r | (g << 8) | (b << 16) | (((exponent + 128) as u32) << 24)
+}
+
+/// 2^(8 − exponent).
+fn color_scale(exponent: i32) -> f32 {
+    f32::from_bits(((127 + 8 - exponent) as u32) << 23)
+}
+
+/// The colour that [`pack_color`] packed, to its precision.
+pub fn unpack_color(bits: u32) -> DVec3 {
+    let exponent = (bits >> 24) as i32 - 128;
+    let [r, g, b, _] = bits.to_le_bytes().map(f64::from);
+    DVec3::new(r, g, b) * 2_f64.powi((exponent - 8).clamp(-127, 127))
+}

@@ -395,6 +395,22 @@ pub fn room_for(index: u32, total: u32, capacity: u32) -> Option<u32> {
     (!taken).then_some(room)
 }
 
+/// The room of an item, or of the one before it that got one.
+pub fn nearest_room(index: u32, total: u32, capacity: u32) -> u32 {
+    if total <= capacity {
+        return index;
+    }
+    multiply_high(index, keep_ratio(total, capacity))
+}
+
+/// How many rooms are taken: the last one may not be.
+pub fn rooms_taken(total: u32, capacity: u32) -> u32 {
+    if total == 0 || capacity == 0 {
+        return 0;
+    }
+    nearest_room(total - 1, total, capacity) + 1
+}
+
 /// The inverse: the item that has a given room.
 pub fn item_of(room: u32, total: u32, capacity: u32) -> u32 {
     if total <= capacity {
@@ -419,6 +435,21 @@ pub fn leaf_of(piece: Triangle, leaf: u32, order: u32) -> Triangle {
     (0..order).fold(piece, |node, depth| {
         bisect(node, (leaf >> (order - 1 - depth)) & 1)
     })
+}
+
+/// The leaf that a point of the piece's plane lies in.
+pub fn leaf_at(piece: Triangle, point: DVec3, order: u32) -> u32 {
+    let normal = (piece.b - piece.a).cross(piece.c - piece.a);
+    let mut node = piece;
+    let mut leaf = 0;
+    for _ in 0..order {
+        let first = bisect(node, 0);
+        let across = (first.c - first.b).cross(point - first.b).dot(normal);
+        let side = u32::from(across < 0.0);
+        leaf = leaf * 2 + side;
+        node = if side == 0 { first } else { bisect(node, 1) };
+    }
+    leaf
 }
 
 fn random_point(t: Triangle, key: u32) -> DVec3 {

@@ -8,8 +8,12 @@ use deep_screen_space::{
     NormalSpace, Reconstructor, ReconstructorInput, ReconstructorSettings, ShellSplatter,
     ShellSplatterDescriptor, SplatInput, SplatSettings, SurfelCounts, Surfelizer, SurfelizerInput,
     SurfelizerSettings, Viewport,
+    glam::DVec3,
     reference::{
         gbuffer::{self, Pixel},
+        packing::{pack_normal, unpack_normal},
+        receivers::Decoder,
+        shell_splatter::Receiver,
         trace::Tracer,
     },
     scenes::Scene,
@@ -26,6 +30,7 @@ pub struct Shot {
     pub tracer: Tracer,
     pub depth: wgpu::TextureView,
     pub normal: wgpu::TextureView,
+    pub albedo: wgpu::TextureView,
 }
 
 /// One of a scene's own views.
@@ -67,6 +72,14 @@ impl Shot {
                 })
             })
             .collect();
+        let materials = scene.triangle_materials();
+        let albedo: Vec<[f32; 4]> = pixels
+            .iter()
+            .map(|p| {
+                let [r, g, b] = p.map_or([f32::NAN; 3], |p| materials[p.triangle].albedo);
+                [r, g, b, 1.0]
+            })
+            .collect();
         let mut shot = Self {
             buffers: SceneBuffers::new(gpu, scene),
             camera: *camera,
@@ -74,16 +87,54 @@ impl Shot {
             tracer,
             depth: gpu.target(wgpu::TextureFormat::R32Float, 1, 1),
             normal: gpu.target(wgpu::TextureFormat::R32Float, 1, 1),
+            albedo: framed(
+                gpu,
+                camera,
+                wgpu::TextureFormat::Rgba32Float,
+                &albedo,
+                [f32::NAN; 4],
+            ),
         };
         shot.upload(gpu, &depth, &normal);
         shot
     }
 
-    /// Replaces the G-buffer's texels.
+    /// Replaces the G-buffer's texels: those of the viewport. Beside it nothing is sound.
     pub fn upload(&mut self, gpu: &Gpu, depth: &[f32], normal: &[[f32; 4]]) {
-        let Viewport { width, height, .. } = self.camera.viewport();
-        self.depth = gpu.texture(wgpu::TextureFormat::R32Float, width, height, depth);
-        self.normal = gpu.texture(wgpu::TextureFormat::Rgba32Float, width, height, normal);
+        let camera = &self.camera;
+        self.depth = framed(gpu, camera, wgpu::TextureFormat::R32Float, depth, f32::NAN);
+        self.normal = framed(
+            gpu,
+            camera,
+            wgpu::TextureFormat::Rgba32Float,
+            normal,
+            [f32::NAN; 4],
+        );
+    }
+
+    /// What passes make of the G-buffer's pixels, relative to a cloud's origin.
+    pub fn receivers(&self, origin: DVec3) -> Vec<Option<Receiver>> {
+        let decoder = Decoder {
+            camera: &self.camera,
+            origin,
+            depth_format: wgpu::TextureFormat::R32Float,
+            normal_encoding: NormalEncoding::Signed,
+            normal_space: NormalSpace::World,
+        };
+        let width = self.camera.viewport().width;
+        (0..)
+            .zip(&self.pixels)
+            .map(|(i, pixel)| {
+                let pixel = (*pixel)?;
+                let normal = pixel.receiver.shading_normal.as_vec3().as_dvec3();
+                let depth = f64::from(pixel.depth as f32);
+                let receiver = decoder.prepare([i % width, i / width], depth, normal)?;
+                Some(Receiver {
+                    normal: unpack_normal(pack_normal(receiver.normal)),
+                    ..receiver
+                })
+            })
+            .collect()
     }
 
     pub fn gbuffer(&self) -> GBuffer<'_> {
@@ -95,6 +146,36 @@ impl Shot {
             albedo: None,
         }
     }
+
+    /// The same with the albedo of what is seen.
+    pub fn lit_gbuffer(&self) -> GBuffer<'_> {
+        GBuffer {
+            albedo: Some(&self.albedo),
+            ..self.gbuffer()
+        }
+    }
+}
+
+/// Texels of a camera's viewport in a texture that just reaches its end, with `beside` beside it.
+fn framed<T: bytemuck::Pod>(
+    gpu: &Gpu,
+    camera: &Camera,
+    format: wgpu::TextureFormat,
+    texels: &[T],
+    beside: T,
+) -> wgpu::TextureView {
+    let Viewport {
+        x,
+        y,
+        width,
+        height,
+    } = camera.viewport();
+    let mut all = vec![beside; ((x + width) * (y + height)) as usize];
+    for (row, texels) in (y..).zip(texels.chunks_exact(width as usize)) {
+        let start = (row * (x + width) + x) as usize;
+        all[start..start + width as usize].copy_from_slice(texels);
+    }
+    gpu.texture(format, x + width, y + height, &all)
 }
 
 /// Settings of all passes.

@@ -80,10 +80,6 @@ fn capacities() {
     let mut task = Task::new(&camera, SurfelizerSettings::default());
     for (capacity, expected) in [
         (
-            CloudCapacity { surfels: 0, ..good },
-            "CloudCapacity::surfels",
-        ),
-        (
             CloudCapacity {
                 surfels: (1 << 23) + 1,
                 ..good
@@ -143,6 +139,13 @@ fn capacities() {
     refused(&[many], &task, "Mesh::instances");
     task.capacity.triangles = count;
     assert!(fixture().try_record(&[uploaded.mesh()], &task).is_ok());
+    // No surfels but their pieces.
+    task.capacity.surfels = 0;
+    task.capacity.pieces = 1 << 10;
+    let cloud = fixture().record(&[uploaded.mesh()], &task);
+    assert_eq!(cloud.counts, soup.mirrored(&task).counts);
+    assert!(cloud.counts.pieces >= count && cloud.counts.overflow() >= count);
+    assert_eq!(cloud.surfels, []);
 }
 
 #[test]

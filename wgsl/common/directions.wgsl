@@ -2,14 +2,14 @@
 // of the integrand's cosine (or of solid angle).
 //
 // Within their cells the pixels of a block of 16 x 16 take the points of a (0,2)-sequence in Morton order: the
-// directions of each aligned square of 4^k pixels are stratified 4^k times as finely as those of one pixel. Frames
-// continue the sequence. Rays of one cell and of neighbouring pixels stay near each other.
+// directions of each aligned square of 4^k pixels are stratified 4^k times as finely as those of one pixel. Frames scramble
+// it anew. Rays of one cell and of neighbouring pixels stay near each other.
 
 const SAMPLE_COSINE: u32 = 0u;
 const SAMPLE_UNIFORM: u32 = 1u;
 
-// Pixels of a block.
-const BLOCK_PIXELS: u32 = 256u;
+// The most cells.
+const CELLS: u32 = 64u;
 
 // Two bits of x and y in turn, from four bits each.
 fn morton(p: vec2u) -> u32 {
@@ -36,9 +36,10 @@ fn sobol2(index: u32) -> u32 {
 // The point of cell `index` of columns x rows, in the unit square.
 fn cell_point(pixel: vec2u, index: u32, columns: u32, rows: u32, frame: u32) -> vec2f {
   let block = pixel / 16u;
-  let number = morton(pixel) + frame * BLOCK_PIXELS;
-  // Blocks and cells take the sequence in scrambled digits, which keeps it one of its kind.
-  let key = hash2(block.x | (block.y << 16u), index);
+  let number = morton(pixel);
+  // Blocks, cells and frames take the sequence in scrambled digits, which keeps it one of its kind. Frames that went on
+  // with it instead would move a pixel's x by less than 1/256: its mean over frames would not converge.
+  let key = hash2(block.x | (block.y << 16u), index + CELLS * frame);
   let x = unit_float(reverseBits(number) ^ key);
   let y = unit_float(sobol2(number) ^ hash(key));
   return vec2f((f32(index % columns) + x) / f32(columns), (f32(index / columns) + y) / f32(rows));

@@ -1,0 +1,186 @@
+//! Mirror of `wgsl/bounced_z_buffer.wgsl` and `wgsl/common/walk.wgsl`: each ray against every piece, without the bounds,
+//! which skip only what it misses.
+//!
+//! Where two pieces meet, f32 may find the other one of the two, or find its way between an edge and what lies behind.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::{
+    directions::{Direction, directions},
+    packing::pack_color,
+    shell_splatter::Receiver,
+    surfelizer::{Piece, Triangle, leaf_at, nearest_room},
+};
+use crate::{
+    BouncedSettings, CloudCapacity, Sampling, SurfelCounts, SurfelRadiance, bounced_z_buffer::words,
+};
+
+/// Stands for infinity.
+const FAR: f64 = 1e18;
+const POSITION_TOLERANCE: f64 = 1e-6;
+const SHAPE_ORDER: u32 = 0xfff;
+
+/// A ray in the cloud's eye space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ray {
+    /// Where it starts.
+    pub origin: DVec3,
+    /// A unit vector.
+    pub direction: DVec3,
+}
+
+/// What a ray meets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Distance.
+    pub t: f64,
+    /// Index of the piece.
+    pub piece: usize,
+}
+
+/// Where a ray of a surface starts; `side` is its unit normal.
+pub fn off_surface(position: DVec3, side: DVec3) -> DVec3 {
+    position + side * (4.0 * POSITION_TOLERANCE * position.abs().max_element())
+}
+
+/// Where a ray meets a triangle, from either side (Möller and Trumbore 1997). The shader takes four at once.
+pub fn meet(ray: &Ray, triangle: &Triangle) -> Option<f64> {
+    let a = triangle.a;
+    let e1 = triangle.b - a;
+    let e2 = triangle.c - a;
+    let d = ray.direction;
+    let p = d.cross(e2);
+    let det = e1.dot(p);
+    let s = ray.origin - a;
+    let q = s.cross(e1);
+    let per_det = 1.0 / det;
+    let u = s.dot(p) * per_det;
+    let v = d.dot(q) * per_det;
+    let t = e2.dot(q) * per_det;
+    let size = e1.abs().max_element() + e2.abs().max_element();
+    let reach = a.abs().max_element() + ray.origin.abs().max_element();
+    let slack = POSITION_TOLERANCE * reach * size * per_det.abs();
+    let inside = u >= -slack && v >= -slack && u + v <= 1.0 + slack && t > 0.0 && det.abs() > 1e-35;
+    inside.then_some(t)
+}
+
+/// The nearest hit closer than `t_max`.
+pub fn nearest(ray: &Ray, pieces: &[Piece], t_max: f64) -> Option<Hit> {
+    let mut hit = None;
+    let mut closest = t_max;
+    for (piece, candidate) in pieces.iter().enumerate() {
+        if let Some(t) = meet(ray, &candidate.corners)
+            && t < closest
+        {
+            closest = t;
+            hit = Some(Hit { t, piece });
+        }
+    }
+    hit
+}
+
+/// What the surfels of a cloud send.
+#[derive(Clone, Copy, Debug)]
+pub struct Senders<'a> {
+    /// The cloud's counters.
+    pub counts: SurfelCounts,
+    /// Its capacity.
+    pub capacity: CloudCapacity,
+    /// As [`BouncedInput::radiance`](crate::BouncedInput::radiance).
+    pub radiance: &'a [SurfelRadiance],
+}
+
+/// A view's rays and what they are traced against.
+#[derive(Clone, Copy, Debug)]
+pub struct Tracing<'a> {
+    /// The pixels of the viewport, rows from the top; `None` for the sky.
+    pub receivers: &'a [Option<Receiver>],
+    /// Pixels in a row.
+    pub width: u32,
+    /// The settings.
+    pub settings: &'a BouncedSettings,
+    /// How directions are drawn.
+    pub sampling: Sampling,
+    /// The cloud's pieces.
+    pub pieces: &'a [Piece],
+}
+
+impl Tracing<'_> {
+    /// The rays, in the order of [`directions`].
+    pub fn rays(&self) -> Vec<Option<Ray>> {
+        let drawn = directions(self.receivers, self.width, self.settings, self.sampling);
+        let per_pixel = drawn.len() / self.receivers.len().max(1);
+        drawn
+            .iter()
+            .enumerate()
+            .map(|(i, drawn)| {
+                let receiver = self.receivers[i / per_pixel]?;
+                let Direction { direction, .. } = (*drawn)?;
+                Some(Ray {
+                    origin: off_surface(receiver.position, receiver.normal),
+                    direction,
+                })
+            })
+            .collect()
+    }
+
+    /// What each ray meets first.
+    pub fn hits(&self) -> Vec<Option<Hit>> {
+        let t_max = f64::from(self.settings.radius).min(FAR);
+        self.rays()
+            .par_iter()
+            .map(|ray| nearest((*ray).as_ref()?, self.pieces, t_max))
+            .collect()
+    }
+
+    /// As [`BouncedView::blocked`](crate::BouncedView::blocked).
+    pub fn blocked(&self) -> Vec<u32> {
+        let directions = self.settings.directions;
+        let words = words(directions) as usize;
+        let mut bits = vec![0; words * self.receivers.len()];
+        if directions > 0 {
+            for (i, hit) in self.hits().iter().enumerate() {
+                let (pixel, index) = (i / directions as usize, i % directions as usize);
+                bits[pixel * words + index / 32] |= u32::from(hit.is_some()) << (index & 31);
+            }
+        }
+        bits
+    }
+
+    /// As [`BouncedView::radiance`](crate::BouncedView::radiance), in the order of [`directions`]; 0 for the sky.
+    pub fn colors(&self, senders: &Senders<'_>) -> Vec<u32> {
+        let mut surfels = 0_u32;
+        let offsets: Vec<u32> = self
+            .pieces
+            .iter()
+            .map(|piece| {
+                let first = surfels;
+                surfels = surfels.saturating_add(1 << (piece.shape & SHAPE_ORDER));
+                first
+            })
+            .collect();
+        let incoming = |ray: &Ray, hit: Option<&Hit>| {
+            let Some(hit) = hit else {
+                return self.settings.background;
+            };
+            let Piece {
+                corners: t, shape, ..
+            } = self.pieces[hit.piece];
+            let leaf = leaf_at(t, ray.origin + ray.direction * hit.t, shape & SHAPE_ORDER);
+            let surfel = nearest_room(
+                offsets[hit.piece] + leaf,
+                senders.counts.surfels,
+                senders.capacity.surfels,
+            );
+            let sent = senders.radiance[surfel as usize];
+            let facing = (t.b - t.a).cross(t.c - t.a).dot(ray.direction) < 0.0;
+            if facing { sent.front } else { sent.back }
+        };
+        self.rays()
+            .iter()
+            .zip(self.hits())
+            .map(|(ray, hit)| ray.map_or(0, |ray| pack_color(incoming(&ray, hit.as_ref()))))
+            .collect()
+    }
+}
