@@ -1,5 +1,6 @@
-//! Ambient occlusion for wgpu from surfels: small disks on all surfaces of a scene, so that what is hidden, off screen
-//! or edge-on occludes like what is seen (Nalbach, Ritschel and Seidel, *Deep Screen Space*, 2014).
+//! Ambient occlusion and one bounce of light for wgpu from all surfaces of a scene, so that what is hidden, off screen or
+//! edge-on counts like what is seen (Nalbach, Ritschel and Seidel, *Deep Screen Space*, 2014, and *The Bounced Z-buffer for
+//! Indirect Visibility*, 2015).
 //!
 //! Passes, each of which records into the caller's encoder and owns only what it makes:
 //!
@@ -9,9 +10,11 @@
 //!   far ones ever more coarsely. What a surfel adds to a pixel is an [`Effect`], the crate's ([`AmbientOcclusion`]) or
 //!   one of the caller's, in WGSL.
 //! * [`Reconstructor`]: the sums smoothed, added up and written into the caller's texture.
-//!
-//! A fourth is the caller's choice: [`TemporalAccumulator`], the mean of the picture over frames. Without it no state
-//! survives a frame.
+//! * [`BouncedZBuffer`] in place of the splatter, where it matters what hides what: what each pixel meets first along N
+//!   directions of its own, exactly. Its noise falls with N, and nothing else is approximate.
+//! * [`HitReconstructor`]: ambient visibility, or one bounce of diffuse or glossy light, from those hits and the neighbours'.
+//! * [`TemporalAccumulator`], if the caller likes: the mean of the picture over frames. Without it no state survives a
+//!   frame.
 //!
 //! # Conventions
 //!
