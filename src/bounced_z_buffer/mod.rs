@@ -281,7 +281,6 @@ impl BouncedZBuffer {
             "0 to 64",
         )?;
         let size = [width, height];
-        let receivers = Receivers::new(device, size)?;
         let usage = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
         let hits = match self.descriptor.payload {
             Payload::Occlusion => Hits::Bits(storage(
@@ -310,7 +309,8 @@ impl BouncedZBuffer {
             .then(|| storage(device, "deep-screen-space hit statistics", 16, usage))
             .transpose()?;
         Ok(BouncedView {
-            receivers,
+            // Last: what the device's limits refuse is known before this much memory is asked for.
+            receivers: Receivers::new(device, size)?,
             hits,
             descriptor: self.descriptor,
             directions,
