@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     std::fs::create_dir_all(&folder)?;
     let gpu = Gpu::open(Ask::from_env())?;
     for (scene, radius) in [
-        (scenes::closed_room(), f32::INFINITY),
+        (scenes::closed_room(), scenes::closed_room().ao_radius),
         (scenes::colonnade(), f32::INFINITY),
     ] {
         compare(&gpu, &scene, radius, &folder)?;
