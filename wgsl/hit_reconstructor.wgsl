@@ -237,7 +237,7 @@ fn reconstruct(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
       let theirs = textureLoad(means, there, 0);
       if params.deviations > 0.0 {
         let difference = luminance(theirs.xyz) - luminance(own.xyz);
-        let allowed = params.deviations * params.deviations * (theirs.w + own.w) + 1e-8;
+        let allowed = params.deviations * params.deviations * (theirs.w + own.w) + 1e-30;
         weight *= exp(-difference * difference / allowed);
       }
 #if GLOSSY

@@ -146,7 +146,8 @@ impl HitReconstruction<'_> {
                 if settings.deviations > 0.0 {
                     let difference = luminance(theirs.mean) - luminance(own.mean);
                     let deviations = f64::from(settings.deviations);
-                    let allowed = deviations * deviations * (theirs.variance + own.variance) + 1e-8;
+                    let allowed =
+                        deviations * deviations * (theirs.variance + own.variance) + 1e-30;
                     weight *= (-difference * difference / allowed).exp();
                 }
                 if there == at {
