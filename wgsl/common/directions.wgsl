@@ -45,16 +45,18 @@ fn cell_point(pixel: vec2u, index: u32, columns: u32, rows: u32, frame: u32) -> 
   return vec2f((f32(index % columns) + x) / f32(columns), (f32(index / columns) + y) / f32(rows));
 }
 
-// The unit square to the unit disk by equal areas, squares about the centre to circles (Shirley and Chiu 1997).
-fn concentric_disk(square: vec2f) -> vec2f {
+// The unit square to the unit disk by equal areas, squares about the centre to circles (Shirley and Chiu 1997): the point, and
+// the square of its distance from the centre. Of the point's own length little is sure beyond what a driver's sines are: near
+// the rim their error would be all there is of 1 - r2.
+fn concentric_disk(square: vec2f) -> vec3f {
   let p = 2.0 * square - 1.0;
   if all(p == vec2f(0.0)) {
-    return vec2f(0.0);
+    return vec3f(0.0);
   }
   let wide = abs(p.x) > abs(p.y);
   let radius = select(p.y, p.x, wide);
   let angle = select(PI / 2.0 - (PI / 4.0) * (p.x / p.y), (PI / 4.0) * (p.y / p.x), wide);
-  return radius * vec2f(cos(angle), sin(angle));
+  return vec3f(radius * vec2f(cos(angle), sin(angle)), radius * radius);
 }
 
 // Two unit vectors that complete n to a right-handed frame (Duff et al. 2017).
@@ -74,13 +76,13 @@ struct Direction {
 // About a unit normal.
 fn hemisphere_direction(point: vec2f, normal: vec3f, sampling: u32) -> Direction {
   let disk = concentric_disk(point);
-  let r2 = dot(disk, disk);
+  let r2 = disk.z;
   if sampling == SAMPLE_UNIFORM {
     // Equal areas of the disk to equal areas of the hemisphere: the height falls linearly.
     let height = 1.0 - r2;
-    let d = vec3f(disk * sqrt(max(2.0 - r2, 0.0)), height);
+    let d = vec3f(disk.xy * sqrt(max(2.0 - r2, 0.0)), height);
     return Direction(tangent_frame(normal) * d, 0.5 / PI);
   }
   let height = sqrt(max(1.0 - r2, 0.0));
-  return Direction(tangent_frame(normal) * vec3f(disk, height), height / PI);
+  return Direction(tangent_frame(normal) * vec3f(disk.xy, height), height / PI);
 }

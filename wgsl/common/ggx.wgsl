@@ -49,11 +49,9 @@ fn glossy_direction(lobe: Lobe, point: vec2f) -> GlossyDirection {
   // Stretched by 1 / alpha the facets are a hemisphere, and its reflections of the view fill a cap evenly.
   let v = normalize(vec3f(lobe.alpha * lobe.view.xy, lobe.view.z));
   let disk = concentric_disk(point);
-  // Not the square of the disk's point: near the rim the rounding of sines would be all there is of 1 - r2.
-  let p = abs(2.0 * point - 1.0);
-  let r2 = max(p.x, p.y) * max(p.x, p.y);
+  let r2 = disk.z;
   let c = 1.0 + v.z;
-  let h = vec3f(disk * sqrt(max(c * (2.0 - r2 * c), 0.0)) + v.xy, c * (1.0 - r2));
+  let h = vec3f(disk.xy * sqrt(max(c * (2.0 - r2 * c), 0.0)) + v.xy, c * (1.0 - r2));
   let facet = normalize_or(vec3f(lobe.alpha * h.xy, h.z), vec3f(0.0, 0.0, 1.0));
   return GlossyDirection(2.0 * dot(lobe.view, facet) * facet - lobe.view, facet);
 }
