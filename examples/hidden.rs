@@ -68,7 +68,8 @@ fn compare(
         pieces: triangles + 100_000,
         triangles,
     };
-    let preset = presets::bounced_preset("balanced", radius).ok_or("no such preset")?;
+    let preset =
+        presets::bounced_preset("balanced", Payload::Occlusion, radius).ok_or("no such preset")?;
     let directions = preset.bounced.directions;
     let payload = Payload::Occlusion;
     let mut renderer =

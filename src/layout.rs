@@ -5,7 +5,7 @@ use std::mem::offset_of;
 use crate::{
     AmbientOcclusion, Channels, Effect, Material, Piece, SurfelCounts, SurfelRadiance,
     SurfelSource,
-    bounced_z_buffer::params::BouncedParams,
+    bounced_z_buffer::params::{BouncedParams, LightsParams},
     camera::CameraParams,
     disk_bounds::{DiskBoundsParams, DiskParams},
     gpu::sort::SortParams,
@@ -142,6 +142,9 @@ fn structs_match_the_shaders() {
     shaded("Shadow", &shadow, size_of::<ShadowParams>());
     let radiance = fields!(SurfelRadiance: front, back);
     shaded("SurfelRadiance", &radiance, size_of::<SurfelRadiance>());
+    let lights = fields!(LightsParams: lights, count);
+    let name = "bounced_z_buffer radiance lit";
+    check(&ao, name, "Lights", &lights, size_of::<LightsParams>());
     let bounced = fields!(BouncedParams: size, columns, rows, frame, words, piece_capacity, surfel_capacity, background,
         world_radius);
     let hits = fields!(HitReconstructorParams: camera, columns, rows, frame, words, radius, plane_distance,

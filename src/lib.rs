@@ -114,7 +114,8 @@ mod surfelizer;
 mod temporal_accumulator;
 
 pub use bounced_z_buffer::{
-    BouncedDescriptor, BouncedInput, BouncedView, BouncedZBuffer, Payload, Senders,
+    BouncedDescriptor, BouncedInput, BouncedView, BouncedZBuffer, HitLighting, Lighting, Payload,
+    Senders,
     settings::{BouncedSettings, DiskSettings, Merge, Sampling},
 };
 pub use camera::{Camera, Footprint, Viewport};

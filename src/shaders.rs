@@ -1,7 +1,7 @@
 //! Every WGSL module of the crate as it goes to the device.
 
 use crate::{
-    bounced_z_buffer::{self, BouncedDescriptor, Payload, Senders, settings::Sampling},
+    bounced_z_buffer::{self, BouncedDescriptor, Lighting, Payload, Senders, settings::Sampling},
     disk_bounds,
     effect::Effect,
     error::Error,
@@ -116,17 +116,26 @@ pub fn shaders(effect: &Effect) -> Result<Vec<Shader>, Error> {
                 " disks glossy",
             ),
         ] {
-            for statistics in [false, true] {
-                let descriptor = BouncedDescriptor {
-                    payload,
-                    senders,
-                    sampling,
-                    statistics,
-                };
-                let statistics_name = if statistics { " statistics" } else { "" };
-                let name =
-                    format!("bounced_z_buffer {payload_name}{variant_name}{statistics_name}");
-                all.push(shader(&name, bounced_z_buffer::source(&descriptor)?, none));
+            for (lighting, lighting_name) in [(Lighting::Surfels, ""), (Lighting::Hits, " lit")] {
+                for statistics in [false, true] {
+                    let descriptor = BouncedDescriptor {
+                        payload,
+                        senders,
+                        sampling,
+                        lighting,
+                        statistics,
+                    };
+                    if lighting == Lighting::Hits
+                        && !(descriptor.lit() && senders == Senders::Pieces)
+                    {
+                        continue;
+                    }
+                    let statistics_name = if statistics { " statistics" } else { "" };
+                    let name = format!(
+                        "bounced_z_buffer {payload_name}{lighting_name}{variant_name}{statistics_name}"
+                    );
+                    all.push(shader(&name, bounced_z_buffer::source(&descriptor)?, none));
+                }
             }
         }
         for (sampling, sampling_name) in [(Sampling::Cosine, ""), (Sampling::Glossy, " glossy")] {

@@ -130,6 +130,7 @@ fn trace(
     pass.record_bounds(device, &mut encoder, cloud, &bounds, None)
         .expect("bounds");
     let input = BouncedInput {
+        lighting: None,
         gbuffer: shot.gbuffer(),
         camera: &shot.camera,
         cloud,
@@ -752,6 +753,7 @@ fn what_does_not_fit_is_a_typed_error() {
             let bounds = other.create_bounds(device, &cloud).expect("bounds");
             let mut encoder = gpu.encoder();
             let input = BouncedInput {
+                lighting: None,
                 gbuffer: shot.gbuffer(),
                 camera: &shot.camera,
                 cloud: &cloud,

@@ -55,7 +55,8 @@ fn compare(
     let receivers = shot.receivers(senders.cloud.origin());
     let tracing = Tracing {
         receivers: &receivers,
-        width: shot.camera.viewport().width,
+        camera: &shot.camera,
+        origin: senders.cloud.origin(),
         settings,
         sampling,
         pieces: &senders.pieces,
@@ -82,7 +83,8 @@ fn compare_colors(
     let receivers = shot.receivers(senders.cloud.origin());
     let tracing = Tracing {
         receivers: &receivers,
-        width: shot.camera.viewport().width,
+        camera: &shot.camera,
+        origin: senders.cloud.origin(),
         settings,
         sampling,
         pieces: &senders.pieces,
@@ -568,6 +570,7 @@ fn statistics_count() {
     let tracer = BouncedZBuffer::new(device, &descriptor, None).expect("pipelines");
     let view = tracer.create_view(device, 24, 24, 16).expect("a view");
     let input = BouncedInput {
+        lighting: None,
         gbuffer: shot.gbuffer(),
         camera: &shot.camera,
         cloud: &senders.cloud,
@@ -907,6 +910,7 @@ fn what_does_not_fit_is_a_typed_error() {
     let (radiance, _) = lab.motley(&senders);
     let view = lab.view(&shot, Payload::Radiance, Sampling::Cosine, 4);
     let input = BouncedInput {
+        lighting: None,
         gbuffer: shot.gbuffer(),
         camera: &shot.camera,
         cloud: &senders.cloud,

@@ -250,6 +250,7 @@ impl Stage {
         };
         let mut encoder = self.gpu.encoder();
         let input = BouncedInput {
+            lighting: None,
             gbuffer,
             camera,
             cloud: &self.cloud,

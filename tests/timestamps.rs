@@ -184,6 +184,7 @@ fn recordings_write_their_times() {
         .record_bounds(device, &mut encoder, &cloud, &bounds, stamps(12))
         .expect("bounds");
     let input = BouncedInput {
+        lighting: None,
         gbuffer: shot.gbuffer(),
         camera: &shot.camera,
         cloud: &cloud,

@@ -7,7 +7,8 @@
 // walks over the bounds of runs of senders and skips what it misses (wgsl/common/walk.wgsl), so that a nearest hit takes
 // tens of tests in place of all senders within their splats' reach, and none is out of reach.
 //
-// Without #if RADIANCE a hit is a bit; with it, the radiance that the surfel at the hit sends. Senders are a cloud's pieces,
+// Without #if RADIANCE a hit is a bit; with it, the radiance that the surfel at the hit sends, or with #if LIT what the
+// hit itself sends of the light that reaches it. Senders are a cloud's pieces,
 // or with #if SENDER_DISKS its surfels as disks. With #if GLOSSY directions are those of the pixel's glossy lobe; those
 // below its horizon are not traced.
 
@@ -19,9 +20,13 @@
 #import rooms
 #import triangle
 #import directions
-#if GLOSSY
 #import camera
+#if GLOSSY
 #import ggx
+#endif
+#if LIT
+#import light
+#import material
 #endif
 
 alias Counter = u32;
@@ -41,6 +46,14 @@ struct Params {
   world_radius: f32,
 }
 
+#if LIT
+struct Lights {
+  // As many as shine.
+  lights: array<Light, 16>,
+  count: u32,
+}
+#endif
+
 override SAMPLING: u32 = 0u;
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -54,11 +67,19 @@ override SAMPLING: u32 = 0u;
 #if RADIANCE
 // Packed colours, a layer a direction.
 @group(0) @binding(5) var hits: texture_storage_2d_array<r32uint, write>;
+#if LIT
+@group(0) @binding(13) var<uniform> lights: Lights;
+@group(0) @binding(14) var<storage, read> materials: array<Material>;
+#else
 @group(0) @binding(6) var<storage, read> radiance: array<SurfelRadiance>;
+#endif
 #if SENDER_DISKS
+#else
+#if LIT
 #else
 // First surfel of each piece.
 @group(0) @binding(7) var<storage, read> surfel_offsets: array<u32>;
+#endif
 @group(0) @binding(8) var<storage, read> pieces: array<Piece>;
 // Pairs of a key and a piece, in the order that the leaves have.
 @group(0) @binding(9) var<storage, read> order: array<vec2u>;
@@ -71,8 +92,8 @@ override SAMPLING: u32 = 0u;
 // Rays, nodes and leaves that they were tested against, and rays that hit.
 @group(0) @binding(10) var<storage, read_write> statistics: array<atomic<u32>, 4>;
 #endif
-#if GLOSSY
 @group(0) @binding(11) var<uniform> camera: Camera;
+#if GLOSSY
 // Perceptual roughness, of the caller's.
 @group(0) @binding(12) var roughness_texture: texture_2d<f32>;
 #endif
@@ -81,6 +102,9 @@ override SAMPLING: u32 = 0u;
 #import disk_walk
 #else
 #import meet_triangles
+#if LIT
+#import shadow_ray
+#endif
 #endif
 
 // What a pixel's ray meets first; with `any` something that it meets.
@@ -98,6 +122,28 @@ fn incoming(ray: Ray, hit: Hit) -> vec3f {
   if hit.sender == NO_SENDER {
     return params.background;
   }
+#if LIT
+  let piece = pieces[order[hit.sender].y];
+  let normal = normalize_or(area_vector(Triangle(piece.a, piece.b, piece.c)).direction, -ray.direction);
+  let facing = dot(normal, ray.direction) < 0.0;
+  let side = select(-normal, normal, facing);
+  let place = ray.origin + ray.direction * hit.t;
+  // Known to the rounding of where the ray started, which may be the farther end.
+  let offset = 4.0 * POSITION_TOLERANCE * max(max_component(abs(place)), max_component(abs(ray.origin)));
+  let point = place + (side - ray.direction) * offset;
+  var irradiance = vec3f(0.0);
+  let count = rooms_taken(counters.pieces, params.piece_capacity);
+  for (var i = 0u; i < lights.count; i++) {
+    let arrival = light_at(lights.lights[i], place);
+    let cosine = dot(side, arrival.to_light);
+    if cosine > 0.0 {
+      irradiance += arrival.irradiance * (cosine * unshadowed(point, arrival, count, params.piece_capacity));
+    }
+  }
+  let material = materials[min(piece.material, arrayLength(&materials) - 1u)];
+  let own = select(vec3f(0.0), sound(material.emission), facing);
+  return min((own + sound(material.albedo) * irradiance) / PI, vec3f(BRIGHTEST));
+#else
 #if SENDER_DISKS
   let surfel = hit.sender;
   let facing = dot(unpack_normal(sources[surfel].normal), ray.direction) < 0.0;
@@ -111,6 +157,7 @@ fn incoming(ray: Ray, hit: Hit) -> vec3f {
 #endif
   let sent = radiance[surfel];
   return select(sent.back, sent.front, facing);
+#endif
 }
 #endif
 
@@ -126,10 +173,11 @@ fn trace(@builtin(global_invocation_id) id: vec3u) {
   }
   let position = receiver_position(texel);
   let normal = unpack_normal(texel.w);
+  let seen_from = to_camera(camera, position - camera.eye);
   let point = cell_point(pixel, id.z, params.columns, params.rows, params.frame);
 #if GLOSSY
   let roughness = textureLoad(roughness_texture, camera.viewport.xy + pixel, 0).x;
-  let lobe = make_lobe(normal, to_camera(camera, position - camera.eye), roughness);
+  let lobe = make_lobe(normal, seen_from, roughness);
   let drawn = glossy_direction(lobe, point);
   if drawn.light.z <= 0.0 {
 #if RADIANCE
@@ -141,7 +189,7 @@ fn trace(@builtin(global_invocation_id) id: vec3u) {
 #else
   let direction = hemisphere_direction(point, normal, SAMPLING).direction;
 #endif
-  let ray = make_ray(off_surface(position, normal), direction);
+  let ray = make_ray(off_surface(position, normal, seen_from), direction);
 #if RADIANCE
   let hit = find(ray, pixel, normal, false);
   textureStore(hits, pixel, id.z, vec4u(pack_color(incoming(ray, hit)), 0u, 0u, 0u));

@@ -42,15 +42,6 @@ struct Params {
 @group(0) @binding(6) var<storage, read> pieces: array<Piece>;
 #endif
 
-// The brightest that is stored, and what a material may say.
-const BRIGHTEST: f32 = 1e18;
-
-// A material's colour; what is negative or not finite counts as black.
-fn sound(color: vec3f) -> vec3f {
-  let finite = vec3<bool>(is_finite(color.x), is_finite(color.y), is_finite(color.z));
-  return select(vec3f(0.0), clamp(color, vec3f(0.0), vec3f(BRIGHTEST)), finite);
-}
-
 // Share of a light that arrives at a point of a surface, 0 to 1; `side` is the normal on the side of the light.
 #if SHADOW_MAP
 struct ShadowCamera {
@@ -127,13 +118,11 @@ fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {
 
 #import rooms
 #import meet_triangles
+#import shadow_ray
 
 fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {
-  let ray = make_ray(off_surface(point, side), arrival.to_light);
   let count = rooms_taken(counters.pieces, params.piece_capacity);
-  // What the light itself lies on casts no shadow.
-  let hit = walk(ray, count, params.piece_capacity, arrival.distance * (1.0 - 1e-5), true);
-  return select(0.0, 1.0, hit.sender == NO_SENDER);
+  return unshadowed(off_surface(point, side, vec3f(0.0)), arrival, count, params.piece_capacity);
 }
 #else
 fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {

@@ -106,22 +106,6 @@ const MAX_CLAMPED_ORDER: u32 = 20u;
 // a below which round(log2(a)) is negative: 1 / sqrt(2).
 const SMALL_AREA: f32 = 0.70710678;
 
-// Twice the area along the normal, divided by `scale` squared: products of edges would underflow below 1e-19.
-struct AreaVector {
-  direction: vec3f,
-  scale: f32,
-}
-
-fn area_vector(t: Triangle) -> AreaVector {
-  let e1 = t.b - t.a;
-  let e2 = t.c - t.a;
-  let scale = max(max_component(abs(e1)), max_component(abs(e2)));
-  if !(scale > 0.0) || !is_finite(scale) {
-    return AreaVector(vec3f(0.0), 0.0);
-  }
-  return AreaVector(cross(e1 / scale, e2 / scale), scale);
-}
-
 // The square root of the area: of the range of a length, where the area itself may not be.
 fn area_root(t: Triangle) -> f32 {
   let v = area_vector(t);

@@ -51,7 +51,8 @@ impl Method for Bounced {
     const NAME: &'static str = "bounced";
 
     fn variants(&self, _: &Stage<'_>, radius: f32, _: bool) -> Vec<Variant<BouncedPreset>> {
-        let balanced = presets::bounced_preset("balanced", radius).expect("a preset of that name");
+        let balanced = presets::bounced_preset("balanced", Payload::Occlusion, radius)
+            .expect("a preset of that name");
         let mut all = Vec::new();
         let mut push = |knob, value: String, setting| {
             all.push(Variant {

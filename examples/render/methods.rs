@@ -8,7 +8,11 @@ use serde_json::{Value, json};
 use crate::{
     Options,
     support::{
-        ambient_occlusion::Renderer, bounced::BouncedRenderer, gpu::Gpu, presets, raster::Raster,
+        ambient_occlusion::Renderer,
+        bounced::{BouncedRenderer, Picture},
+        gpu::Gpu,
+        presets,
+        raster::Raster,
         scene::SceneBuffers,
     },
     view::Shot,
@@ -70,9 +74,19 @@ fn capacity(buffers: &SceneBuffers, surfels: u32) -> CloudCapacity {
     }
 }
 
-/// Renders twice, since drivers compile a pipeline when it first runs: the second time is the one to report.
-fn twice<T>(mut render: impl FnMut() -> Result<T, deep_screen_space::Error>) -> Result<T, String> {
-    render().map_err(|e| e.to_string())?;
+/// Milliseconds that make what a driver takes to compile pipelines, a second at most, a small share.
+const LONG: f64 = 10_000.0;
+
+/// Renders twice, since drivers compile a pipeline when it first runs: the second time is the one to report. Once, where it
+/// takes long anyway.
+fn twice<T>(
+    mut render: impl FnMut() -> Result<T, deep_screen_space::Error>,
+    total_ms: impl Fn(&T) -> f64,
+) -> Result<T, String> {
+    let first = render().map_err(|e| e.to_string())?;
+    if total_ms(&first) > LONG {
+        return Ok(first);
+    }
     render().map_err(|e| e.to_string())
 }
 
@@ -104,7 +118,10 @@ pub fn splat(
     let mut renderer = Renderer::new(gpu, effect, capacity, size, preset.splat.levels, false)
         .map_err(|e| e.to_string())?;
     let meshes = buffers.meshes();
-    let rendered = twice(|| renderer.render(gpu, &raster, &meshes, &camera, &preset))?;
+    let rendered = twice(
+        || renderer.render(gpu, &raster, &meshes, &camera, &preset),
+        |rendered| rendered.passes.iter().map(|p| p.1).sum(),
+    )?;
     Ok(Rendered {
         pixels: rendered.visibility.iter().map(|&v| [v; 3]).collect(),
         triangles: buffers.triangles(),
@@ -137,7 +154,13 @@ pub fn bounced(
     radius: f32,
 ) -> Result<Rendered, String> {
     let camera = shot.camera()?;
-    let mut preset = presets::bounced_preset(&options.preset, radius).ok_or("no such preset")?;
+    let payload = if options.gi() {
+        Payload::Radiance
+    } else {
+        Payload::Occlusion
+    };
+    let mut preset =
+        presets::bounced_preset(&options.preset, payload, radius).ok_or("no such preset")?;
     if let Some(directions) = options.directions {
         preset.bounced.directions = directions;
     }
@@ -146,35 +169,30 @@ pub fn bounced(
     }
     let buffers = SceneBuffers::new(gpu, scene);
     let raster = Raster::draw(gpu, &buffers, &camera);
-    let surfels_made = options.gi();
-    let capacity = capacity(&buffers, if surfels_made { options.surfels } else { 0 });
-    let payload = if options.gi() {
-        Payload::Radiance
-    } else {
-        Payload::Occlusion
-    };
+    let capacity = capacity(&buffers, 0);
     let size = [shot.width, shot.height];
     let directions = preset.bounced.directions;
     let mut renderer = BouncedRenderer::new(gpu, payload, capacity, size, directions, false)
         .map_err(|e| e.to_string())?;
     let lights = shot.lights();
-    let picture = twice(|| renderer.render(gpu, &raster, &buffers, &camera, &lights, &preset))?;
+    let picture = twice(
+        || renderer.render(gpu, &raster, &buffers, &camera, &lights, &preset),
+        Picture::total_ms,
+    )?;
     Ok(Rendered {
         pixels: picture.radiance(),
         triangles: buffers.triangles(),
         capacity,
         counts: picture.counts,
-        surfels_made,
+        surfels_made: false,
         memory_bytes: renderer.memory_bytes(),
         passes: picture.passes,
         settings: json!({
-            "radius_pixels": preset.surfelizer.radius_pixels,
             "directions": directions,
             "window": preset.reconstructor.radius,
             "plane_distance": preset.reconstructor.plane_distance,
             "normal_power": preset.reconstructor.normal_power,
             "deviations": preset.reconstructor.deviations,
-            "light_samples": preset.samples,
         }),
     })
 }

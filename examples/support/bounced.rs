@@ -2,22 +2,16 @@
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedView, BouncedZBuffer, Camera, CloudCapacity, Error,
-    Geometry, HitReconstructor, HitReconstructorDescriptor, HitReconstructorInput,
-    HitReconstructorView, Light, Payload, Reach, Sampling, SenderBounds, ShadedLight, Shadow,
-    SurfelCloud, SurfelCounts, SurfelShader, SurfelShaderInput, SurfelShaderSettings, Surfelizer,
-    SurfelizerInput, wgpu,
+    Geometry, HitLighting, HitReconstructor, HitReconstructorDescriptor, HitReconstructorInput,
+    HitReconstructorView, Light, Lighting, Payload, Reach, Sampling, SenderBounds, SurfelCloud,
+    SurfelCounts, Surfelizer, SurfelizerInput, wgpu,
 };
 
 use super::{gpu::Gpu, presets::BouncedPreset, raster::Raster, scene::SceneBuffers};
 
-/// What light needs besides.
-struct Lighting {
-    shader: SurfelShader,
-    radiance: wgpu::Buffer,
-}
-
 /// The pipelines and one view.
 pub struct BouncedRenderer {
+    payload: Payload,
     surfelizer: Surfelizer,
     bounced: BouncedZBuffer,
     reconstructor: HitReconstructor,
@@ -25,7 +19,6 @@ pub struct BouncedRenderer {
     pub bounds: SenderBounds,
     pub view: BouncedView,
     scratch: HitReconstructorView,
-    lighting: Option<Lighting>,
     target: wgpu::TextureView,
 }
 
@@ -53,7 +46,7 @@ impl Picture {
 }
 
 impl BouncedRenderer {
-    /// For ambient occlusion no surfels are made: a capacity of 0 does.
+    /// No surfels are made, of whatever capacity: rays meet triangles, and are lit where they do.
     pub fn new(
         gpu: &Gpu,
         payload: Payload,
@@ -67,6 +60,7 @@ impl BouncedRenderer {
         let surfelizer = Surfelizer::new(device, None)?;
         let descriptor = BouncedDescriptor {
             payload,
+            lighting: Lighting::Hits,
             statistics,
             ..BouncedDescriptor::default()
         };
@@ -79,15 +73,8 @@ impl BouncedRenderer {
         };
         let reconstructor = HitReconstructor::new(device, &descriptor, None)?;
         let cloud = surfelizer.create_cloud(device, capacity)?;
-        let lighting = match payload {
-            Payload::Occlusion => None,
-            Payload::Radiance => {
-                let shader = SurfelShader::new(device, None)?;
-                let radiance = shader.create_radiance(device, &cloud)?;
-                Some(Lighting { shader, radiance })
-            }
-        };
         Ok(Self {
+            payload,
             bounds: bounced.create_bounds(device, &cloud)?,
             view: bounced.create_view(device, width, height, directions)?,
             scratch: reconstructor.create_view(device, width, height)?,
@@ -96,7 +83,6 @@ impl BouncedRenderer {
             bounced,
             reconstructor,
             cloud,
-            lighting,
         })
     }
 
@@ -106,7 +92,6 @@ impl BouncedRenderer {
             + self.bounds.memory_bytes()
             + self.view.memory_bytes()
             + self.scratch.memory_bytes()
-            + self.lighting.as_ref().map_or(0, |l| l.radiance.size())
     }
 
     /// Renders once, a submission a pass, so that each can be timed on any driver.
@@ -125,7 +110,7 @@ impl BouncedRenderer {
         // What lies beyond the radius is not hit, but may be what shadows what is.
         settings.reach = Reach {
             radii: f32::INFINITY,
-            world: if self.lighting.is_some() {
+            world: if self.payload == Payload::Radiance {
                 f32::INFINITY
             } else {
                 preset.bounced.radius
@@ -154,33 +139,6 @@ impl BouncedRenderer {
         });
         done?;
         passes.push(("bounds", ms));
-        if let Some(lighting) = &self.lighting {
-            let lights: Vec<_> = lights
-                .iter()
-                .map(|light| ShadedLight {
-                    light: *light,
-                    shadow: Shadow::Traced(&self.bounds),
-                })
-                .collect();
-            let (ms, done) = gpu.time(|encoder| {
-                lighting.shader.record(
-                    device,
-                    encoder,
-                    &SurfelShaderInput {
-                        cloud: &self.cloud,
-                        materials: &scene.materials,
-                        lights: &lights,
-                        radiance: &lighting.radiance,
-                        timestamps: None,
-                    },
-                    &SurfelShaderSettings {
-                        samples: preset.samples,
-                    },
-                )
-            });
-            done?;
-            passes.push(("light", ms));
-        }
         let (ms, done) = gpu.time(|encoder| {
             self.bounced.record(
                 device,
@@ -190,7 +148,11 @@ impl BouncedRenderer {
                     camera,
                     cloud: &self.cloud,
                     bounds: &self.bounds,
-                    radiance: self.lighting.as_ref().map(|l| &l.radiance),
+                    radiance: None,
+                    lighting: (self.payload == Payload::Radiance).then_some(HitLighting {
+                        materials: &scene.materials,
+                        lights,
+                    }),
                     roughness: None,
                     timestamps: None,
                 },

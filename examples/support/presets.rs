@@ -1,7 +1,7 @@
 //! Three points on the curve of error over time (benches/trade draws all of it), for each method.
 
 use deep_screen_space::{
-    BouncedSettings, HitReconstructorSettings, ReconstructorSettings, SplatSettings,
+    BouncedSettings, HitReconstructorSettings, Payload, ReconstructorSettings, SplatSettings,
     SurfelizerSettings,
 };
 
@@ -19,8 +19,6 @@ pub struct BouncedPreset {
     pub surfelizer: SurfelizerSettings,
     pub bounced: BouncedSettings,
     pub reconstructor: HitReconstructorSettings,
-    /// Points at which each surfel is lit.
-    pub samples: u32,
 }
 
 pub const NAMES: [&str; 3] = ["fast", "balanced", "accurate"];
@@ -50,17 +48,21 @@ pub fn preset(name: &str, radius: f32) -> Option<Preset> {
     })
 }
 
+// Light that bounces is noisier than what it is blocked by, and its detail finer: it takes more directions and smaller
+// windows. Of the surfels' radius hits do not depend.
 /// One of [`NAMES`], for hits nearer than `radius`.
-pub fn bounced_preset(name: &str, radius: f32) -> Option<BouncedPreset> {
-    let (directions, window, deviations, radius_pixels, samples) = match name {
-        "fast" => (4, 6, 0.0, 6.0, 1),
-        "balanced" => (16, 3, 4.0, 4.0, 1),
-        "accurate" => (64, 3, 3.0, 2.0, 4),
+pub fn bounced_preset(name: &str, payload: Payload, radius: f32) -> Option<BouncedPreset> {
+    let (directions, window, deviations) = match (name, payload) {
+        ("fast", Payload::Occlusion) => (4, 6, 0.0),
+        ("balanced", Payload::Occlusion) => (16, 3, 4.0),
+        ("accurate", Payload::Occlusion) => (64, 3, 3.0),
+        ("fast", Payload::Radiance) => (8, 4, 6.0),
+        ("balanced", Payload::Radiance) => (40, 3, 4.0),
+        ("accurate", Payload::Radiance) => (64, 2, 3.0),
         _ => return None,
     };
     Some(BouncedPreset {
         surfelizer: SurfelizerSettings {
-            radius_pixels,
             // Small triangles whole: hits are exact.
             density: f32::INFINITY,
             ..SurfelizerSettings::default()
@@ -75,6 +77,5 @@ pub fn bounced_preset(name: &str, radius: f32) -> Option<BouncedPreset> {
             deviations,
             ..HitReconstructorSettings::default()
         },
-        samples,
     })
 }

@@ -9,18 +9,20 @@ use wgpu::{
 };
 
 use self::{
-    params::BouncedParams,
+    params::{BouncedParams, LightsParams, MAX_LIGHTS},
     settings::{BouncedSettings, MAX_DIRECTIONS, MAX_LEVELS, Sampling},
 };
 use crate::{
     camera::Camera,
-    error::{Error, check_setting},
+    error::{Error, check_limit, check_setting},
     gbuffer::{GBuffer, check_roughness},
+    geometry::{Material, check_size, check_usage},
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_2D, READ, UINT_2D, UNIFORM, WRITE, whole},
         check_timestamps, compute_pass, shader, storage, uniform,
     },
+    light::Light,
     receivers::{Receivers, ReceiversPass, plane, plane_bytes},
     sender_bounds::{SenderBounds, SenderBoundsPass},
     surfel::{SurfelCloud, SurfelRadiance},
@@ -55,6 +57,29 @@ pub enum Payload {
     Radiance,
 }
 
+/// Where the light of a hit is taken from; with [`Payload::Radiance`] alone.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Lighting {
+    /// From the surfel that the hit belongs to, which a [`SurfelShader`](crate::SurfelShader) or the caller has lit: any
+    /// radiance and any shadows, once a surfel, however many hits. As fine as surfels are: an edge of light or shadow
+    /// that crosses one is lost, which shows where a surface lies close beside it.
+    #[default]
+    Surfels,
+    /// From the lights, at the hit itself, by a ray to each through the same bounds: exact, and no surfel is needed (a
+    /// cloud with a capacity of 0 surfels does). Costs a ray a hit and light. Not with [`Senders::Disks`].
+    Hits,
+}
+
+/// The lights and materials of [`Lighting::Hits`].
+#[derive(Clone, Copy, Debug)]
+pub struct HitLighting<'a> {
+    /// A storage buffer of one or more [`Material`](crate::Material)s. An index beyond its end takes the last one; a
+    /// component that is negative or not finite counts as 0.
+    pub materials: &'a Buffer,
+    /// Up to 16 that shine. None leaves the surfaces' own emission.
+    pub lights: &'a [Light],
+}
+
 /// What directions meet.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Senders {
@@ -82,15 +107,23 @@ pub struct BouncedDescriptor {
     pub senders: Senders,
     /// How directions are drawn.
     pub sampling: Sampling,
+    /// Where the light of a hit is taken from.
+    pub lighting: Lighting,
     /// Whether to count into [`BouncedView::statistics`]. Slower; for measuring.
     pub statistics: bool,
 }
 
 impl BouncedDescriptor {
+    /// Whether hits are lit where they are.
+    pub(crate) fn lit(&self) -> bool {
+        (self.payload, self.lighting) == (Payload::Radiance, Lighting::Hits)
+    }
+
     pub(crate) fn flags(&self) -> Vec<&'static str> {
         let mut flags = Vec::new();
         flags.extend((self.payload == Payload::Radiance).then_some("RADIANCE"));
         flags.extend(matches!(self.senders, Senders::Disks { .. }).then_some("SENDER_DISKS"));
+        flags.extend(self.lit().then_some("LIT"));
         flags.extend(self.statistics.then_some("STATISTICS"));
         flags.extend((self.sampling == Sampling::Glossy).then_some("GLOSSY"));
         flags
@@ -184,9 +217,11 @@ pub struct BouncedInput<'a> {
     pub cloud: &'a SurfelCloud,
     /// Their bounds, recorded since the cloud was.
     pub bounds: &'a SenderBounds,
-    /// With [`Payload::Radiance`] a storage buffer of a [`SurfelRadiance`] for each surfel of the cloud, as the
+    /// With [`Lighting::Surfels`] and [`Payload::Radiance`] a storage buffer of a [`SurfelRadiance`] for each surfel of the cloud, as the
     /// [`SurfelShader`](crate::SurfelShader) or the caller fills it.
     pub radiance: Option<&'a Buffer>,
+    /// With [`Lighting::Hits`] and [`Payload::Radiance`] what lights the hits.
+    pub lighting: Option<HitLighting<'a>>,
     /// With [`Sampling::Glossy`] the G-buffer's roughness: perceptual, 0 for a mirror to 1, its square being the width α
     /// of the Trowbridge-Reitz distribution. The red channel of any float or unorm format, usage `TEXTURE_BINDING`,
     /// covering the camera's viewport. Values beyond 0…1 are clamped, NaN counts as 1; α is at least 1e-3, below which
@@ -215,21 +250,37 @@ impl BouncedZBuffer {
                 "1 to 8",
             )?;
         }
-        let mut entries = vec![(0, UNIFORM), (1, READ), (2, FLOAT_2D), (4, UINT_2D)];
-        entries.extend(match descriptor.payload {
-            Payload::Occlusion => vec![(5, WRITE)],
-            Payload::Radiance => vec![(5, store_colors()), (6, READ)],
+        let mut entries = vec![
+            (0, UNIFORM),
+            (1, READ),
+            (2, FLOAT_2D),
+            (4, UINT_2D),
+            (11, UNIFORM),
+        ];
+        check_setting(
+            !descriptor.lit() || descriptor.senders == Senders::Pieces,
+            "BouncedDescriptor::senders",
+            f64::from(u8::from(descriptor.senders != Senders::Pieces)),
+            "Senders::Pieces, with Lighting::Hits",
+        )?;
+        entries.extend(match (descriptor.payload, descriptor.lighting) {
+            (Payload::Occlusion, _) => vec![(5, WRITE)],
+            (Payload::Radiance, Lighting::Surfels) => vec![(5, store_colors()), (6, READ)],
+            (Payload::Radiance, Lighting::Hits) => {
+                vec![(5, store_colors()), (13, UNIFORM), (14, READ)]
+            }
         });
         entries.extend(match (descriptor.senders, descriptor.payload) {
             (Senders::Disks { .. }, _) => vec![(16, UNIFORM), (17, READ), (18, READ)],
             (Senders::Pieces, Payload::Occlusion) => vec![(3, FLOAT_2D)],
-            (Senders::Pieces, Payload::Radiance) => {
-                vec![(3, FLOAT_2D), (7, READ), (8, READ), (9, READ)]
-            }
+            (Senders::Pieces, Payload::Radiance) => vec![(3, FLOAT_2D), (8, READ), (9, READ)],
         });
+        let offsets = descriptor.senders == Senders::Pieces
+            && (descriptor.payload, descriptor.lighting) == (Payload::Radiance, Lighting::Surfels);
+        entries.extend(offsets.then_some((7, READ)));
         entries.extend(descriptor.statistics.then_some((10, WRITE)));
         if descriptor.sampling == Sampling::Glossy {
-            entries.extend([(11, UNIFORM), (12, FLOAT_2D)]);
+            entries.push((12, FLOAT_2D));
         }
         let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
         let module = shader::create(device, LABEL, source(descriptor)?);
@@ -340,7 +391,8 @@ impl BouncedZBuffer {
     /// # Errors
     /// What [`GBuffer::validate`] and [`BouncedSettings::validate`] find; [`Error::Mismatch`] where the view was made for
     /// another descriptor or size or for fewer directions, or the bounds for another cloud; [`Error::Buffer`] for radiance
-    /// that is missing or too small; what [`GBuffer::validate`] finds of views, and [`Error::Mismatch`] where there is none,
+    /// that is missing or too small, or for materials; what [`Light::validate`] finds; [`Error::Mismatch`] for lighting that is
+    /// missing, and [`Error::Setting`] for too many lights; what [`GBuffer::validate`] finds of views, and [`Error::Mismatch`] where there is none,
     /// for roughness; [`Error::Setting`] where radiance of pieces is asked for and the surfels are not leaves of them
     /// ([`Placement::Grid`] and [`Placement::Random`]).
     pub fn record(
@@ -358,6 +410,7 @@ impl BouncedZBuffer {
         let cloud = input.cloud;
         self.check_view([viewport.width, viewport.height], settings, view)?;
         let radiance = self.check_radiance(input)?;
+        let lighting = self.check_lighting(device, input)?;
         let roughness = check_roughness(
             "BouncedInput::roughness",
             input.roughness,
@@ -369,13 +422,10 @@ impl BouncedZBuffer {
             Senders::Pieces => {
                 let bounds = input.bounds.pieces(cloud)?;
                 let mut senders = vec![(3, binding::view(&bounds.leaves))];
-                if radiance.is_some() {
-                    senders.extend([
-                        (7, whole(&cloud.piece_offsets.values)),
-                        (8, whole(&cloud.pieces)),
-                        (9, whole(&bounds.order.items)),
-                    ]);
+                if self.descriptor.payload == Payload::Radiance {
+                    senders.extend([(8, whole(&cloud.pieces)), (9, whole(&bounds.order.items))]);
                 }
+                senders.extend(radiance.map(|_| (7, whole(&cloud.piece_offsets.values))));
                 (&bounds.nodes, senders)
             }
             Senders::Disks { levels } => {
@@ -409,11 +459,13 @@ impl BouncedZBuffer {
             LABEL,
             &BouncedParams::new(settings, view.size(), cloud.capacity),
         );
+        let camera = uniform(device, LABEL, &input.camera.params(cloud.origin()));
         let mut resources = vec![
             (0, whole(&params)),
             (1, whole(&cloud.counters)),
             (2, binding::view(nodes)),
             (4, binding::view(&view.receivers.view)),
+            (11, whole(&camera)),
         ];
         resources.extend(senders);
         match &view.hits {
@@ -421,12 +473,19 @@ impl BouncedZBuffer {
             Hits::Colors(colors) => resources.push((5, binding::view(colors))),
         }
         resources.extend(radiance.map(|radiance| (6, whole(radiance))));
+        let lights = lighting.map(|lighting| {
+            uniform(
+                device,
+                LABEL,
+                &LightsParams::new(lighting.lights, cloud.origin),
+            )
+        });
+        if let (Some(lighting), Some(lights)) = (&lighting, &lights) {
+            resources.extend([(13, whole(lights)), (14, whole(lighting.materials))]);
+        }
         if let Some(statistics) = &view.statistics {
             resources.push((10, whole(statistics)));
         }
-        let camera =
-            roughness.map(|_| uniform(device, LABEL, &input.camera.params(cloud.origin())));
-        resources.extend(camera.as_ref().map(|camera| (11, whole(camera))));
         resources.extend(roughness.map(|roughness| (12, binding::view(roughness))));
         let group = binding::group(device, LABEL, &self.layout, &resources);
         let mut pass = compute_pass(encoder, LABEL, input.timestamps);
@@ -471,8 +530,44 @@ impl BouncedZBuffer {
         Ok(())
     }
 
+    fn check_lighting<'r>(
+        &self,
+        device: &Device,
+        input: &BouncedInput<'r>,
+    ) -> Result<Option<HitLighting<'r>>, Error> {
+        const LIGHTING: &str = "BouncedInput::lighting";
+        const MATERIALS: &str = "HitLighting::materials";
+        if !self.descriptor.lit() {
+            return Ok(None);
+        }
+        let lighting = input.lighting.ok_or_else(|| Error::Mismatch {
+            name: LIGHTING,
+            found: "none".into(),
+            needed: "lights and materials, for Lighting::Hits".into(),
+        })?;
+        check_usage(MATERIALS, lighting.materials)?;
+        check_size(MATERIALS, lighting.materials, size_of::<Material>() as u64)?;
+        check_limit(
+            "max_storage_buffer_binding_size",
+            device.limits().max_storage_buffer_binding_size,
+            lighting.materials.size(),
+            MATERIALS,
+        )?;
+        for light in lighting.lights {
+            light.validate()?;
+        }
+        let shining = lighting.lights.iter().filter(|l| l.shines()).count();
+        check_setting(
+            shining <= MAX_LIGHTS,
+            "HitLighting::lights",
+            shining as f64,
+            "0 to 16 lights that shine",
+        )?;
+        Ok(Some(lighting))
+    }
+
     fn check_radiance<'r>(&self, input: &BouncedInput<'r>) -> Result<Option<&'r Buffer>, Error> {
-        if self.descriptor.payload == Payload::Occlusion {
+        if self.descriptor.payload == Payload::Occlusion || self.descriptor.lit() {
             return Ok(None);
         }
         check_setting(

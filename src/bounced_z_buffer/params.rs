@@ -1,9 +1,13 @@
 //! What the GPU reads: `Params` of `wgsl/bounced_z_buffer.wgsl`.
 
 use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
 
 use super::{settings::BouncedSettings, words};
-use crate::surfel::CloudCapacity;
+use crate::{
+    light::{Light, LightParams},
+    surfel::CloudCapacity,
+};
 
 /// Stands for infinity; its square is finite in f32.
 const UNBOUNDED: f32 = 1e18;
@@ -42,6 +46,37 @@ impl BouncedParams {
             background,
             world_radius: radius.min(UNBOUNDED),
         }
+    }
+}
+
+/// Lights that hits can have.
+pub(crate) const MAX_LIGHTS: usize = 16;
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct LightsParams {
+    pub(crate) lights: [LightParams; MAX_LIGHTS],
+    pub(crate) count: u32,
+    pub(crate) padding: [u32; 3],
+}
+
+impl LightsParams {
+    /// Of those that shine, [`MAX_LIGHTS`] at most, in the eye space of `origin`.
+    pub fn new(lights: &[Light], origin: DVec3) -> Self {
+        let mut params = Self {
+            lights: [LightParams::default(); MAX_LIGHTS],
+            count: 0,
+            padding: [0; 3],
+        };
+        for (to, light) in params
+            .lights
+            .iter_mut()
+            .zip(lights.iter().filter(|l| l.shines()))
+        {
+            *to = LightParams::new(light, origin);
+            params.count += 1;
+        }
+        params
     }
 }
 

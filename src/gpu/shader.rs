@@ -36,6 +36,10 @@ const COMMON: &[(&str, &str)] = &[
         include_str!("../../wgsl/common/meet_triangles.wgsl"),
     ),
     (
+        "shadow_ray",
+        include_str!("../../wgsl/common/shadow_ray.wgsl"),
+    ),
+    (
         "disk_tree",
         include_str!("../../wgsl/common/disk_tree.wgsl"),
     ),

@@ -3,17 +3,22 @@
 //!
 //! Where two pieces meet, f32 may find the other one of the two, or find its way between an edge and what lies behind.
 
+use std::f64::consts::PI;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{
     directions::{Direction, directions},
+    light::arrival,
     packing::pack_color,
     shell_splatter::Receiver,
+    surfel_shader::{BRIGHTEST, sound},
     surfelizer::{Piece, Triangle, leaf_at, nearest_room},
 };
 use crate::{
-    BouncedSettings, CloudCapacity, Sampling, SurfelCounts, SurfelRadiance, bounced_z_buffer::words,
+    BouncedSettings, Camera, CloudCapacity, Light, Material, Sampling, SurfelCounts,
+    SurfelRadiance, bounced_z_buffer::words,
 };
 
 /// Stands for infinity.
@@ -39,9 +44,18 @@ pub struct Hit {
     pub piece: usize,
 }
 
-/// Where a ray of a surface starts; `side` is its unit normal.
-pub fn off_surface(position: DVec3, side: DVec3) -> DVec3 {
-    position + side * (4.0 * POSITION_TOLERANCE * position.abs().max_element())
+/// Where a ray of a surface starts; `side` is its unit normal, `seen_from` the unit vector to where it is seen from.
+pub fn off_surface(position: DVec3, side: DVec3, seen_from: DVec3) -> DVec3 {
+    position + (side + seen_from) * (4.0 * POSITION_TOLERANCE * position.abs().max_element())
+}
+
+/// Unit vector from a point to where a camera sees it from, both relative to the cloud's `origin`.
+pub fn to_camera(camera: &Camera, origin: DVec3, point: DVec3) -> DVec3 {
+    if camera.footprint().perspective {
+        (camera.eye() - origin - point).normalize_or(DVec3::Z)
+    } else {
+        camera.rotation().row(2)
+    }
 }
 
 /// Where a ray meets a triangle, from either side (Möller and Trumbore 1997). The shader takes four at once.
@@ -96,8 +110,10 @@ pub struct Senders<'a> {
 pub struct Tracing<'a> {
     /// The pixels of the viewport, rows from the top; `None` for the sky.
     pub receivers: &'a [Option<Receiver>],
-    /// Pixels in a row.
-    pub width: u32,
+    /// What they were seen with.
+    pub camera: &'a Camera,
+    /// The cloud's origin.
+    pub origin: DVec3,
     /// The settings.
     pub settings: &'a BouncedSettings,
     /// How directions are drawn.
@@ -109,7 +125,12 @@ pub struct Tracing<'a> {
 impl Tracing<'_> {
     /// The rays, in the order of [`directions`].
     pub fn rays(&self) -> Vec<Option<Ray>> {
-        let drawn = directions(self.receivers, self.width, self.settings, self.sampling);
+        let drawn = directions(
+            self.receivers,
+            self.camera.viewport().width,
+            self.settings,
+            self.sampling,
+        );
         let per_pixel = drawn.len() / self.receivers.len().max(1);
         drawn
             .iter()
@@ -117,8 +138,9 @@ impl Tracing<'_> {
             .map(|(i, drawn)| {
                 let receiver = self.receivers[i / per_pixel]?;
                 let Direction { direction, .. } = (*drawn)?;
+                let seen_from = to_camera(self.camera, self.origin, receiver.position);
                 Some(Ray {
-                    origin: off_surface(receiver.position, receiver.normal),
+                    origin: off_surface(receiver.position, receiver.normal, seen_from),
                     direction,
                 })
             })
@@ -182,5 +204,55 @@ impl Tracing<'_> {
             .zip(self.hits())
             .map(|(ray, hit)| ray.map_or(0, |ray| pack_color(incoming(&ray, hit.as_ref()))))
             .collect()
+    }
+
+    /// The same with [`Lighting::Hits`](crate::Lighting::Hits): colours not yet packed. `lights` are in the cloud's eye space.
+    pub fn lit(&self, materials: &[Material], lights: &[Light]) -> Vec<DVec3> {
+        self.rays()
+            .par_iter()
+            .zip(self.hits())
+            .map(|(ray, hit)| match (ray, hit) {
+                (None, _) => DVec3::ZERO,
+                (Some(_), None) => DVec3::from(self.settings.background.map(f64::from)),
+                (Some(ray), Some(hit)) => self.lit_at(ray, &hit, materials, lights),
+            })
+            .collect()
+    }
+
+    /// What a hit sends back along its ray.
+    fn lit_at(&self, ray: &Ray, hit: &Hit, materials: &[Material], lights: &[Light]) -> DVec3 {
+        let piece = &self.pieces[hit.piece];
+        let t = piece.corners;
+        let normal = (t.b - t.a).cross(t.c - t.a).normalize_or(-ray.direction);
+        let facing = normal.dot(ray.direction) < 0.0;
+        let side = if facing { normal } else { -normal };
+        let place = ray.origin + ray.direction * hit.t;
+        let size = place
+            .abs()
+            .max_element()
+            .max(ray.origin.abs().max_element());
+        let point = place + (side - ray.direction) * (4.0 * POSITION_TOLERANCE * size);
+        let mut irradiance = DVec3::ZERO;
+        for light in lights {
+            let arrival = arrival(light, place);
+            let cosine = side.dot(arrival.to_light);
+            if cosine > 0.0 {
+                let to_light = Ray {
+                    origin: point,
+                    direction: arrival.to_light,
+                };
+                let end = arrival.distance.min(FAR) * (1.0 - 1e-5);
+                if nearest(&to_light, self.pieces, end).is_none() {
+                    irradiance += arrival.irradiance * cosine;
+                }
+            }
+        }
+        let material = materials[(piece.material as usize).min(materials.len() - 1)];
+        let own = if facing {
+            sound(material.emission)
+        } else {
+            DVec3::ZERO
+        };
+        ((own + sound(material.albedo) * irradiance) / PI).min(DVec3::splat(BRIGHTEST))
     }
 }

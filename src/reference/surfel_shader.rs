@@ -13,7 +13,7 @@ use crate::{
     surfel_shader::params::{clip, texel},
 };
 
-const BRIGHTEST: f64 = 1e18;
+pub(super) const BRIGHTEST: f64 = 1e18;
 const SEAM: f64 = 1e-5;
 
 /// A surfel as it is lit.
@@ -62,7 +62,7 @@ pub struct ShadedLight<'a> {
     pub shadow: Option<ShadowMap<'a>>,
 }
 
-fn sound(color: [f32; 3]) -> DVec3 {
+pub(super) fn sound(color: [f32; 3]) -> DVec3 {
     let sound = |c: f32| {
         if c.is_finite() {
             f64::from(c).clamp(0.0, BRIGHTEST)

@@ -189,6 +189,7 @@ impl Lab {
         };
         let mut encoder = self.gpu.encoder();
         let input = BouncedInput {
+            lighting: None,
             gbuffer: shot.gbuffer(),
             camera: &shot.camera,
             cloud: &senders.cloud,

@@ -1,9 +1,25 @@
-// Triangles and their longest-edge bisection, whose leaves are the surfels' own triangles.
+// Triangles and their longest-edge bisection, whose leaves are the surfels' own triangles. Needs math.
 
 struct Triangle {
   a: vec3f,
   b: vec3f,
   c: vec3f,
+}
+
+// Twice the area along the normal, divided by `scale` squared: products of edges would underflow below 1e-19.
+struct AreaVector {
+  direction: vec3f,
+  scale: f32,
+}
+
+fn area_vector(t: Triangle) -> AreaVector {
+  let e1 = t.b - t.a;
+  let e2 = t.c - t.a;
+  let scale = max(max_component(abs(e1)), max_component(abs(e2)));
+  if !(scale > 0.0) || !is_finite(scale) {
+    return AreaVector(vec3f(0.0), 0.0);
+  }
+  return AreaVector(cross(e1 / scale, e2 / scale), scale);
 }
 
 fn centroid(t: Triangle) -> vec3f {
