@@ -41,7 +41,7 @@ pub struct Panel {
     pub curves: Vec<(String, Vec<Point>)>,
     pub presets: Vec<Point>,
     /// RMSE of exact rays against the surface that the depth buffer holds, nothing behind it.
-    pub depth_alone: f64,
+    pub depth_alone: Option<f64>,
 }
 
 /// Draws the panels side by side and writes a PNG.
@@ -63,7 +63,7 @@ fn draw(picture: &mut RgbImage, panels: &[Panel]) -> Result<(), Box<dyn std::err
         })
     };
     let times = bounds(points().map(|p| p.time), 1.25);
-    let alone = panels.iter().map(|p| p.depth_alone);
+    let alone = panels.iter().filter_map(|p| p.depth_alone);
     let errors = bounds(points().map(|p| p.error).chain(alone), 1.1);
     let area = Canvas(picture).into_drawing_area();
     for (area, panel) in area.split_evenly((1, panels.len())).iter().zip(panels) {
@@ -114,16 +114,17 @@ fn draw(picture: &mut RgbImage, panels: &[Panel]) -> Result<(), Box<dyn std::err
                 )])?;
             }
         }
-        let level = panel.depth_alone;
-        chart.draw_series([PathElement::new(
-            [(times.start, level), (times.end, level)],
-            BLACK.mix(0.5),
-        )])?;
-        chart.draw_series([Text::new(
-            "rays traced against the depth buffer",
-            (times.start * 1.05, level),
-            text.clone().pos(Pos::new(HPos::Left, VPos::Bottom)),
-        )])?;
+        if let Some(level) = panel.depth_alone {
+            chart.draw_series([PathElement::new(
+                [(times.start, level), (times.end, level)],
+                BLACK.mix(0.5),
+            )])?;
+            chart.draw_series([Text::new(
+                "rays traced against the depth buffer",
+                (times.start * 1.05, level),
+                text.clone().pos(Pos::new(HPos::Left, VPos::Bottom)),
+            )])?;
+        }
         for preset in &panel.presets {
             let at = (preset.time, preset.error);
             chart.draw_series([TriangleMarker::new(at, 11, BLACK.filled())])?;

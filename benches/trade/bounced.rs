@@ -108,7 +108,7 @@ impl Method for Bounced {
             )
             .map_err(|e| e.to_string())?;
         Ok(Shot {
-            visibility: picture.visibility(),
+            values: picture.visibility(),
             passes: picture.passes,
             note: None,
         })

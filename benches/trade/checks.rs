@@ -6,7 +6,7 @@ use deep_screen_space::{
     Camera, Viewport,
     glam::DVec3,
     reference::{gbuffer, trace::Tracer},
-    scenes::{Part, Scene},
+    scenes::{Material, Part, Scene},
 };
 
 use super::{
@@ -143,7 +143,10 @@ impl<'g> Set<'g> {
                 material: 0,
             }],
             indices,
-            materials: Vec::new(),
+            materials: vec![Material {
+                albedo: [0.5; 3],
+                emission: [0.0; 3],
+            }],
             views: Vec::new(),
             ao_radius: RADIUS as f32,
         };

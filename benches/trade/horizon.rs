@@ -105,7 +105,7 @@ impl Method for Horizon {
                 .record_ambient_occlusion(device, encoder, &frame, setting, &self.target);
         });
         Ok(Shot {
-            visibility: stage.gpu.read_texture(self.target.texture(), 0),
+            values: stage.gpu.read_texture(self.target.texture(), 0),
             passes: vec![("depth-only", ms)],
             note: None,
         })

@@ -1,4 +1,5 @@
-//! Error against time of ambient occlusion, method by method and a knob at a time: `cargo bench --bench trade`.
+//! Error against time of ambient occlusion and of indirect light, method by method and a knob at a time:
+//! `cargo bench --bench trade`.
 //!
 //! Renders one view of each of the crate's scenes, within the scene's radius and without one: by splatting with the
 //! preset `balanced`, with one setting after the other turned away from it, by the bounced z-buffer likewise, and by what a
@@ -11,9 +12,13 @@
 //! `depth_alone_rmse` is what exact rays find against the surface that the pixels themselves form, with nothing behind it.
 //! It bounds no method that guesses what is behind: horizons take all of it for solid, and are right where it is.
 //!
+//! Light that has bounced once is measured likewise, in units of its mean over the picture: by the bounced z-buffer, its
+//! hits lit where they are, and by rays marched through the depth buffer of a picture whose direct light is given exactly.
+//! Times are in units of the bounced z-buffer's `balanced` there.
+//!
 //! Prints a table and writes the same rows to `target/bench/trade.json` and `target/bench/trade.csv` (in JSON, null is
-//! infinity), and pictures of means over scenes: `trade-radius.png` and `trade-unbounded.png`, a line a method, and
-//! `trade.png`, a line a knob of the splatter.
+//! infinity), and pictures of means over scenes: `trade-radius.png` and `trade-unbounded.png`, a line a method,
+//! `trade-light.png` for light, and `trade.png`, a line a knob of the splatter.
 
 mod bounced;
 #[path = "../support/canvas.rs"]
@@ -24,6 +29,7 @@ mod checks;
 #[path = "../support/depth_only/mod.rs"]
 mod depth_only;
 mod horizon;
+mod light;
 mod method;
 mod splat;
 mod stage;
@@ -37,9 +43,10 @@ use bounced::Bounced;
 use clap::Parser;
 use deep_screen_space::scenes;
 use horizon::Horizon;
+use light::{BouncedLight, Marched};
 use method::{Measurement, Method};
 use splat::Splat;
-use stage::{Effort, Stage};
+use stage::{Effect, Effort, Stage};
 use support::gpu::{Ask, Gpu};
 use table::Row;
 
@@ -113,6 +120,7 @@ fn run(options: &Options) -> Result<(), String> {
         for radius in [scene.ao_radius, f32::INFINITY] {
             let mut measurement = Measurement {
                 stage: &stage,
+                effect: Effect::Ao,
                 radius,
                 truth: stage.truth(radius)?,
                 grid: options.grid,
@@ -124,6 +132,20 @@ fn run(options: &Options) -> Result<(), String> {
             measurement.of(&mut bounced)?;
             measurement.of(&mut horizon)?;
         }
+        let truth = stage.light_truth();
+        let mut bounced = BouncedLight::new(&stage, truth.level)?;
+        let mut marched = Marched::new(&stage, truth.level);
+        let mut measurement = Measurement {
+            stage: &stage,
+            effect: Effect::Gi,
+            radius: f32::INFINITY,
+            truth,
+            grid: options.grid,
+            unit_ms: None,
+            rows: &mut rows,
+        };
+        measurement.of(&mut bounced)?;
+        measurement.of(&mut marched)?;
     }
     report(&rows)
 }
@@ -140,7 +162,7 @@ fn report(rows: &[Row]) -> Result<(), String> {
         ("occluders within each scene's radius", "radius", true),
         ("occluders at any distance", "unbounded", false),
     ] {
-        let belongs = |r: &&Row| r.ao_radius.is_finite() == bounded;
+        let belongs = |r: &&Row| r.effect == Effect::Ao && r.ao_radius.is_finite() == bounded;
         let rows: Vec<&Row> = rows.iter().filter(belongs).collect();
         let methods = table::method_panel(title, &rows);
         println!();
@@ -154,6 +176,13 @@ fn report(rows: &[Row]) -> Result<(), String> {
         table::print_best(&panel);
         knobs.push(panel);
     }
+    let rows: Vec<&Row> = rows.iter().filter(|r| r.effect == Effect::Gi).collect();
+    let light = table::method_panel("one bounce of light, relative to its mean", &rows);
+    println!();
+    table::print_best(&light);
+    table::print_scenes(&rows);
+    chart::write(&folder.join("trade-light.png"), &[light])?;
+    println!("{}", folder.join("trade-light.png").display());
     chart::write(&folder.join("trade.png"), &knobs)?;
     println!("{}", folder.join("trade.png").display());
     Ok(())

@@ -5,14 +5,14 @@ use std::{collections::HashMap, fmt::Debug};
 use serde_json::Value;
 
 use super::{
-    stage::{Stage, Truth},
+    stage::{Effect, Stage, Truth},
     table::Row,
 };
 
 /// The knob that each method's line in the comparison of methods turns: all of its settings from cheap to dear together.
 pub const QUALITY: &str = "quality";
 
-/// A way from a view to visibility. Another method is one more implementation, and one more line where the methods are
+/// A way from a view to its visibility or indirect light. Another method is one more implementation, and one more line where the methods are
 /// measured in `main.rs`.
 pub trait Method {
     /// Everything that can be set.
@@ -43,8 +43,8 @@ pub struct Variant<S> {
 
 /// A picture and what it took.
 pub struct Shot {
-    /// 1 = open, rows from the top.
-    pub visibility: Vec<f32>,
+    /// What the effect is measured in: visibility, 1 = open, or luminance over the picture's mean. Rows from the top.
+    pub values: Vec<f32>,
     /// A name and milliseconds of wall clock a pass.
     pub passes: Vec<(&'static str, f64)>,
     /// What the reader must know of this picture, if anything.
@@ -60,6 +60,7 @@ impl Shot {
 /// The measurements of one view within one radius, method after method.
 pub struct Measurement<'a, 'g> {
     pub stage: &'a Stage<'g>,
+    pub effect: Effect,
     pub radius: f32,
     pub truth: Truth,
     pub grid: bool,

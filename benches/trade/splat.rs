@@ -153,7 +153,7 @@ impl Method for Splat {
             .render(stage.gpu, &stage.drawn, &meshes, camera, &setting.preset)
             .map_err(|e| e.to_string())?;
         Ok(Shot {
-            visibility: rendered.visibility,
+            values: rendered.visibility,
             passes: rendered.passes,
             note: (rendered.counts.overflow() > 0).then_some("more surfels than room"),
         })

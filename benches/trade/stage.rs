@@ -1,13 +1,17 @@
 //! A scene's first view: its G-buffer, and the truth about it.
 
+use std::f64::consts::PI;
+
 use deep_screen_space::{
-    Camera, Viewport,
+    Camera, Light, Viewport,
+    glam::DVec3,
     reference::{
         gbuffer,
         trace::{Estimate, Receiver, Tracer},
     },
     scenes::Scene,
 };
+use serde::Serialize;
 
 use super::support::{
     gpu::Gpu,
@@ -22,6 +26,25 @@ pub struct Effort {
     pub runs: u32,
 }
 
+/// What is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Effect {
+    /// Ambient occlusion.
+    Ao,
+    /// One bounce of diffuse light.
+    Gi,
+}
+
+impl Effect {
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ao => "ao",
+            Self::Gi => "gi",
+        }
+    }
+}
+
 /// A scene's first view with its G-buffer and rays.
 pub struct Stage<'g> {
     pub gpu: &'g Gpu,
@@ -30,6 +53,8 @@ pub struct Stage<'g> {
     pub camera: Camera,
     pub buffers: SceneBuffers,
     pub drawn: Raster,
+    /// What shines besides the scene's own surfaces.
+    pub lights: Vec<Light>,
     tracer: Tracer,
     receivers: Vec<Option<Receiver>>,
 }
@@ -37,7 +62,10 @@ pub struct Stage<'g> {
 /// The traced truth of a view within a radius.
 pub struct Truth {
     pub estimates: Vec<Option<Estimate>>,
-    pub depth_alone_rmse: f64,
+    /// What the estimates, and all values to be compared with them, are in units of.
+    pub level: f64,
+    /// Where it is known.
+    pub depth_alone_rmse: Option<f64>,
 }
 
 impl<'g> Stage<'g> {
@@ -54,6 +82,13 @@ impl<'g> Stage<'g> {
         )
         .map_err(|e| e.to_string())?;
         let buffers = SceneBuffers::new(gpu, scene);
+        // From above the viewer's shoulder; closed scenes have lights of their own.
+        let ahead = (DVec3::from(view.target) - DVec3::from(view.eye)).normalize();
+        let up = DVec3::from(view.up).normalize();
+        let lights = vec![Light::Directional {
+            direction: ahead - up + 0.5 * ahead.cross(up),
+            irradiance: [3.0, 2.8, 2.5],
+        }];
         let tracer = Tracer::new(&scene.positions, &scene.indices).map_err(|e| e.to_string())?;
         Ok(Self {
             gpu,
@@ -69,6 +104,7 @@ impl<'g> Stage<'g> {
             ),
             camera,
             buffers,
+            lights,
             tracer,
         })
     }
@@ -91,8 +127,78 @@ impl<'g> Stage<'g> {
         }
         Ok(Truth {
             estimates,
-            depth_alone_rmse,
+            level: 1.0,
+            depth_alone_rmse: Some(depth_alone_rmse),
         })
+    }
+
+    /// The traced luminance of one bounce, in units of its mean over the pixels.
+    pub fn light_truth(&self) -> Truth {
+        let materials = self.scene.triangle_materials();
+        let rays = 4 * self.effort.rays;
+        let traced =
+            self.tracer
+                .one_bounce_image(&self.receivers, &materials, &self.lights, rays, 1, false);
+        let estimates: Vec<_> = traced
+            .iter()
+            .zip(self.pixels())
+            .map(|(estimate, pixel)| {
+                let (estimate, pixel) = (estimate.as_ref()?, pixel?);
+                let albedo = DVec3::from(materials[pixel.triangle].albedo.map(f64::from));
+                Some(Estimate {
+                    mean: luminance(estimate.mean * albedo),
+                    standard_error: luminance(estimate.standard_error * albedo),
+                })
+            })
+            .collect();
+        let seen = estimates.iter().flatten();
+        let level = seen.clone().map(|e| e.mean).sum::<f64>() / seen.count().max(1) as f64;
+        let level = if level > 0.0 { level } else { 1.0 };
+        Truth {
+            estimates: estimates
+                .into_iter()
+                .map(|e| {
+                    e.map(|e| Estimate {
+                        mean: e.mean / level,
+                        standard_error: e.standard_error / level,
+                    })
+                })
+                .collect(),
+            level,
+            depth_alone_rmse: None,
+        }
+    }
+
+    /// What each pixel sends towards the eye of the light that reaches it straight, and of its own: what a depth-only method
+    /// bounces.
+    pub fn direct_light(&self) -> Vec<[f32; 4]> {
+        let materials = self.scene.triangle_materials();
+        self.pixels()
+            .into_iter()
+            .map(|pixel| {
+                let Some(pixel) = pixel else {
+                    return [0.0; 4];
+                };
+                let material = &materials[pixel.triangle];
+                let albedo = DVec3::from(material.albedo.map(f64::from));
+                let own = DVec3::from(material.emission.map(f64::from)) / PI;
+                let at = pixel.receiver;
+                let lit =
+                    self.tracer
+                        .direct(at.position, at.geometric_normal, albedo, &self.lights);
+                (own + lit).as_vec3().extend(1.0).to_array()
+            })
+            .collect()
+    }
+
+    fn pixels(&self) -> Vec<Option<gbuffer::Pixel>> {
+        gbuffer::cast(
+            &self.camera,
+            &self.tracer,
+            &self.scene.positions,
+            &self.scene.normals,
+            &self.scene.indices,
+        )
     }
 
     /// The surface through all pixels, two triangles between four neighbours. Across an edge in depth, where one neighbour
@@ -125,10 +231,15 @@ impl<'g> Stage<'g> {
     }
 }
 
+/// Of linear Rec. 709 RGB.
+pub fn luminance(color: DVec3) -> f64 {
+    color.dot(DVec3::new(0.2126, 0.7152, 0.0722))
+}
+
 /// Root of the mean squared error, less the truth's own variance, and the mean error, over pixels with a surface.
-pub fn compare(visibility: &[f32], truth: &[Option<Estimate>]) -> (f64, f64) {
+pub fn compare(values: &[f32], truth: &[Option<Estimate>]) -> (f64, f64) {
     let (mut square, mut sum, mut count) = (0.0, 0.0, 0_u32);
-    for (&v, estimate) in visibility.iter().zip(truth) {
+    for (&v, estimate) in values.iter().zip(truth) {
         if let Some(estimate) = estimate {
             let error = f64::from(v) - estimate.mean;
             square += error * error - estimate.standard_error * estimate.standard_error;

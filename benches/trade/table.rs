@@ -9,13 +9,14 @@ use super::{
     chart::{Panel, Point},
     method::{Measurement, QUALITY, Shot},
     splat::PRESETS,
-    stage,
+    stage::{self, Effect},
 };
 
 /// One line of the table.
 #[derive(Clone, Serialize)]
 pub struct Row {
     pub adapter: String,
+    pub effect: Effect,
     pub scene: &'static str,
     pub view: &'static str,
     pub width: u32,
@@ -29,7 +30,7 @@ pub struct Row {
     pub note: Option<&'static str>,
     pub rmse: f64,
     pub bias: f64,
-    pub depth_alone_rmse: f64,
+    pub depth_alone_rmse: Option<f64>,
     pub ms: f64,
     pub ms_of_balanced: f64,
     /// Milliseconds a pass.
@@ -47,9 +48,10 @@ impl Row {
         unit_ms: f64,
     ) -> Self {
         let Measurement { stage, truth, .. } = measurement;
-        let (rmse, bias) = stage::compare(&shot.visibility, &truth.estimates);
+        let (rmse, bias) = stage::compare(&shot.values, &truth.estimates);
         Self {
             adapter: stage.gpu.name(),
+            effect: measurement.effect,
             scene: stage.scene.name,
             view: stage.scene.views[0].name,
             width: stage.effort.size[0],
@@ -76,15 +78,16 @@ impl Row {
 
     pub fn print_header() {
         println!(
-            "{:12} {:>6} {:10} {:>18} {:>12} {:>8} {:>8} {:>9} {:>11}",
-            "scene", "radius", "method", "knob", "value", "RMSE", "bias", "ms", "of balanced"
+            "{:12} {:>3} {:>6} {:10} {:>18} {:>14} {:>8} {:>8} {:>9} {:>11}",
+            "scene", "of", "radius", "method", "knob", "value", "RMSE", "bias", "ms", "of balanced"
         );
     }
 
     pub fn print(&self) {
         println!(
-            "{:12} {:>6} {:10} {:>18} {:>12} {:>8.4} {:>+8.4} {:>9.1} {:>11.2}  {}",
+            "{:12} {:>3} {:>6} {:10} {:>18} {:>14} {:>8.4} {:>+8.4} {:>9.1} {:>11.2}  {}",
             self.scene,
+            self.effect.name(),
             self.ao_radius,
             self.method,
             self.knob,
@@ -123,13 +126,13 @@ fn panel(title: &str, rows: &[&Row], line: impl Fn(&Row) -> Option<String>) -> P
     let alone: Vec<f64> = rows
         .iter()
         .filter(|r| r.knob == "preset" && r.value == PRESETS[0])
-        .map(|r| r.depth_alone_rmse)
+        .filter_map(|r| r.depth_alone_rmse)
         .collect();
     Panel {
         title: title.into(),
         curves: curves(rows, line),
         presets: presets.into_iter().flat_map(|(_, points)| points).collect(),
-        depth_alone: alone.iter().sum::<f64>() / alone.len().max(1) as f64,
+        depth_alone: (!alone.is_empty()).then(|| alone.iter().sum::<f64>() / alone.len() as f64),
     }
 }
 
@@ -171,10 +174,9 @@ fn curves(rows: &[&Row], line: impl Fn(&Row) -> Option<String>) -> Vec<(String, 
 /// Of all settings those that none beats in time and error both.
 pub fn print_best(panel: &Panel) {
     println!("{}: mean RMSE, time of balanced", panel.title);
-    println!(
-        "  {:29} {:.4}",
-        "rays against the depth buffer", panel.depth_alone
-    );
+    if let Some(error) = panel.depth_alone {
+        println!("  {:29} {error:.4}", "rays against the depth buffer");
+    }
     for preset in &panel.presets {
         println!(
             "  preset {:21} {:.4} {:6.2}",
@@ -226,10 +228,10 @@ pub fn print_scenes(rows: &[&Row]) {
         for (line, row) in best {
             let _ = write!(text, ", {line} {:.4} ({:.2})", row.rmse, row.ms_of_balanced);
         }
-        println!(
-            "{text}, rays against the depth buffer {:.4}",
-            balanced.depth_alone_rmse
-        );
+        if let Some(error) = balanced.depth_alone_rmse {
+            let _ = write!(text, ", rays against the depth buffer {error:.4}");
+        }
+        println!("{text}");
     }
 }
 

@@ -1,0 +1,205 @@
+//! One bounce of diffuse light: by the bounced z-buffer, and by what the depth buffer alone allows.
+
+use deep_screen_space::{CloudCapacity, Payload, glam::DVec3, wgpu::TextureView};
+use serde_json::{Value, json};
+
+use super::{
+    depth_only::{DepthOnly, Frame, IndirectSettings},
+    method::{Method, QUALITY, Shot, Variant},
+    stage::{Stage, luminance},
+    support::{
+        bounced::BouncedRenderer,
+        presets::{self, BouncedPreset},
+    },
+};
+
+/// Directions and half width of the window, from cheap to dear.
+const LADDER: [[u32; 2]; 7] = [[1, 8], [2, 6], [4, 5], [8, 4], [16, 3], [36, 3], [64, 2]];
+
+/// Directions, steps along each and half width of the filter, from cheap to dear.
+const MARCHES: [[u32; 3]; 7] = [
+    [1, 8, 6],
+    [2, 8, 6],
+    [4, 8, 5],
+    [4, 16, 5],
+    [8, 32, 4],
+    [16, 64, 3],
+    [64, 128, 2],
+];
+
+/// How deep surfaces are, in the scene's radius for occlusion.
+const THICKNESS: f32 = 0.5;
+
+fn values(pixels: impl Iterator<Item = [f32; 3]>, level: f64) -> Vec<f32> {
+    pixels
+        .map(|c| (luminance(DVec3::from(c.map(f64::from))) / level) as f32)
+        .collect()
+}
+
+/// The bounced z-buffer, its hits lit where they are.
+pub struct BouncedLight {
+    renderer: BouncedRenderer,
+    level: f64,
+}
+
+impl BouncedLight {
+    /// `level` is what values are in units of.
+    pub fn new(stage: &Stage<'_>, level: f64) -> Result<Self, String> {
+        let triangles = stage.buffers.triangles();
+        let capacity = CloudCapacity {
+            surfels: 0,
+            pieces: triangles + 100_000,
+            triangles,
+        };
+        let size = stage.effort.size;
+        let most = LADDER[LADDER.len() - 1][0];
+        let renderer =
+            BouncedRenderer::new(stage.gpu, Payload::Radiance, capacity, size, most, false)
+                .map_err(|e| e.to_string())?;
+        Ok(Self { renderer, level })
+    }
+}
+
+impl Method for BouncedLight {
+    type Setting = BouncedPreset;
+    const NAME: &'static str = "bounced";
+
+    /// `balanced` comes first, since all times are relative to it.
+    fn variants(&self, _: &Stage<'_>, _: f32, _: bool) -> Vec<Variant<BouncedPreset>> {
+        let preset = |name| {
+            presets::bounced_preset(name, Payload::Radiance, f32::INFINITY)
+                .expect("a preset of that name")
+        };
+        let mut all: Vec<_> = ["balanced", "fast", "accurate"]
+            .into_iter()
+            .map(|name| Variant {
+                knob: "preset",
+                value: name.into(),
+                setting: preset(name),
+            })
+            .collect();
+        all.extend(LADDER.map(|[directions, window]| {
+            let mut setting = preset("balanced");
+            setting.bounced.directions = directions;
+            setting.reconstructor.radius = window;
+            Variant {
+                knob: QUALITY,
+                value: format!("{directions}, window {window}"),
+                setting,
+            }
+        }));
+        all
+    }
+
+    fn describe(preset: &BouncedPreset) -> Value {
+        json!({
+            "directions": preset.bounced.directions,
+            "window": preset.reconstructor.radius,
+            "deviations": preset.reconstructor.deviations,
+        })
+    }
+
+    fn render(&mut self, stage: &Stage<'_>, preset: &BouncedPreset) -> Result<Shot, String> {
+        let picture = self
+            .renderer
+            .render(
+                stage.gpu,
+                &stage.drawn,
+                &stage.buffers,
+                &stage.camera,
+                &stage.lights,
+                preset,
+            )
+            .map_err(|e| e.to_string())?;
+        Ok(Shot {
+            values: values(picture.radiance().into_iter(), self.level),
+            passes: picture.passes,
+            note: None,
+        })
+    }
+
+    fn work(&mut self, stage: &Stage<'_>, preset: &BouncedPreset) -> Result<Value, String> {
+        let pixels: u32 = stage.effort.size.iter().product();
+        Ok(json!({ "most_rays": pixels * preset.bounced.directions * 2 }))
+    }
+}
+
+/// Rays marched through the depth buffer, of a lit picture that is given exactly.
+pub struct Marched {
+    passes: DepthOnly,
+    target: TextureView,
+    lit: TextureView,
+    level: f64,
+}
+
+impl Marched {
+    /// `level` is what values are in units of.
+    pub fn new(stage: &Stage<'_>, level: f64) -> Self {
+        let device = &stage.gpu.device;
+        let [width, height] = stage.effort.size;
+        let passes = DepthOnly::new(device, stage.effort.size);
+        Self {
+            target: passes.create_target(device, DepthOnly::COLOR),
+            lit: stage
+                .gpu
+                .texture(DepthOnly::COLOR, width, height, &stage.direct_light()),
+            passes,
+            level,
+        }
+    }
+}
+
+impl Method for Marched {
+    type Setting = IndirectSettings;
+    const NAME: &'static str = "depth-only";
+
+    fn variants(&self, stage: &Stage<'_>, _: f32, _: bool) -> Vec<Variant<IndirectSettings>> {
+        MARCHES
+            .map(|[directions, steps, filter_radius]| Variant {
+                knob: QUALITY,
+                value: format!("{directions}x{steps}"),
+                setting: IndirectSettings {
+                    radius: f32::INFINITY,
+                    directions,
+                    steps,
+                    thickness: THICKNESS * stage.scene.ao_radius,
+                    filter_radius,
+                },
+            })
+            .into()
+    }
+
+    fn describe(setting: &IndirectSettings) -> Value {
+        json!({
+            "directions": setting.directions,
+            "steps": setting.steps,
+            "thickness": setting.thickness,
+            "filter_radius": setting.filter_radius,
+        })
+    }
+
+    fn render(&mut self, stage: &Stage<'_>, setting: &IndirectSettings) -> Result<Shot, String> {
+        let frame = Frame {
+            camera: &stage.camera,
+            depth: &stage.drawn.depth,
+            normal: &stage.drawn.normal,
+        };
+        let (ms, ()) = stage.gpu.time(|encoder| {
+            let device = &stage.gpu.device;
+            let given = [&self.lit, &stage.drawn.albedo];
+            self.passes
+                .record_indirect(device, encoder, &frame, given, setting, &self.target);
+        });
+        let texels: Vec<[f32; 4]> = stage.gpu.read_texture(self.target.texture(), 0);
+        Ok(Shot {
+            values: values(texels.into_iter().map(|[r, g, b, _]| [r, g, b]), self.level),
+            passes: vec![("depth-only", ms)],
+            note: None,
+        })
+    }
+
+    fn work(&mut self, stage: &Stage<'_>, setting: &IndirectSettings) -> Result<Value, String> {
+        let pixels: u32 = stage.effort.size.iter().product();
+        Ok(json!({ "most_taps": pixels * setting.directions * setting.steps }))
+    }
+}
