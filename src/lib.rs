@@ -114,9 +114,10 @@ mod surfelizer;
 mod temporal_accumulator;
 
 pub use bounced_z_buffer::{
-    BouncedDescriptor, BouncedInput, BouncedView, BouncedZBuffer, HitLighting, Lighting, Payload,
-    Senders,
+    BouncedInput, BouncedZBuffer,
+    descriptor::{BouncedDescriptor, HitLighting, Lighting, Payload, Senders},
     settings::{BouncedSettings, DiskSettings, Merge, Sampling},
+    view::BouncedView,
 };
 pub use camera::{Camera, Footprint, Viewport};
 pub use effect::{Channels, Effect};

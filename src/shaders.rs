@@ -1,7 +1,11 @@
 //! Every WGSL module of the crate as it goes to the device.
 
 use crate::{
-    bounced_z_buffer::{self, BouncedDescriptor, Lighting, Payload, Senders, settings::Sampling},
+    bounced_z_buffer::{
+        self,
+        descriptor::{BouncedDescriptor, Lighting, Payload, Senders},
+        settings::Sampling,
+    },
     disk_bounds,
     effect::Effect,
     error::Error,

@@ -1,7 +1,9 @@
 //! What each pixel meets first along directions of its own (The Bounced Z-buffer 3, 4.2; `wgsl/bounced_z_buffer.wgsl`).
 
+pub(crate) mod descriptor;
 pub(crate) mod params;
 pub(crate) mod settings;
+pub(crate) mod view;
 
 use wgpu::{
     BindGroupLayout, BindingType, Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device,
@@ -9,8 +11,10 @@ use wgpu::{
 };
 
 use self::{
+    descriptor::{BouncedDescriptor, HitLighting, Lighting, Payload, Senders},
     params::{BouncedParams, LightsParams, MAX_LIGHTS},
     settings::{BouncedSettings, MAX_DIRECTIONS, MAX_LEVELS, Sampling},
+    view::{BouncedView, Hits},
 };
 use crate::{
     camera::Camera,
@@ -22,8 +26,7 @@ use crate::{
         binding::{self, FLOAT_2D, READ, UINT_2D, UNIFORM, WRITE, whole},
         check_timestamps, compute_pass, shader, storage, uniform,
     },
-    light::Light,
-    receivers::{Receivers, ReceiversPass, plane, plane_bytes},
+    receivers::{Receivers, ReceiversPass, plane},
     sender_bounds::{SenderBounds, SenderBoundsPass},
     surfel::{SurfelCloud, SurfelRadiance},
     surfelizer::settings::Placement,
@@ -45,164 +48,6 @@ pub struct BouncedZBuffer {
     trace: ComputePipeline,
     bounds: SenderBoundsPass,
     receivers: ReceiversPass,
-}
-
-/// What is kept of a hit.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Payload {
-    /// That there is one: a bit a direction. A ray ends at the first hit that it finds, the nearest or not.
-    #[default]
-    Occlusion,
-    /// The radiance that its surfel sends towards the pixel: four bytes a direction.
-    Radiance,
-}
-
-/// Where the light of a hit is taken from; with [`Payload::Radiance`] alone.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Lighting {
-    /// From the surfel that the hit belongs to, which a [`SurfelShader`](crate::SurfelShader) or the caller has lit: any
-    /// radiance and any shadows, once a surfel, however many hits. As fine as surfels are: an edge of light or shadow
-    /// that crosses one is lost, which shows where a surface lies close beside it.
-    #[default]
-    Surfels,
-    /// From the lights, at the hit itself, by a ray to each through the same bounds: exact, and no surfel is needed (a
-    /// cloud with a capacity of 0 surfels does). Costs a ray a hit and light. Not with [`Senders::Disks`].
-    Hits,
-}
-
-/// The lights and materials of [`Lighting::Hits`].
-#[derive(Clone, Copy, Debug)]
-pub struct HitLighting<'a> {
-    /// A storage buffer of one or more [`Material`](crate::Material)s. An index beyond its end takes the last one; a
-    /// component that is negative or not finite counts as 0.
-    pub materials: &'a Buffer,
-    /// Up to 16 that shine. None leaves the surfaces' own emission.
-    pub lights: &'a [Light],
-}
-
-/// What directions meet.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Senders {
-    /// A cloud's pieces, which are triangles: exact.
-    #[default]
-    Pieces,
-    /// A cloud's surfels as disks, from either side, as in the paper (The Bounced Z-buffer 4.2): for comparison with it.
-    /// Disks leave gaps between them, which rays pass through, and stick out at edges.
-    ///
-    /// On level l a pixel meets one surfel in 4^l, 2^l times as large, at distances within the level's shell
-    /// ([`DiskSettings`](crate::DiskSettings)). On level 0 those that lie in the pixel's own surface are left out: turned
-    /// by less than acos 0.8, with less than half a radius between the pixel and their plane, and hit within four radii.
-    Disks {
-        /// Number of levels, 1…8; 1 for plain disks without levels.
-        levels: u32,
-    },
-}
-
-/// What a [`BouncedZBuffer`] is compiled for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct BouncedDescriptor {
-    /// What is kept of a hit.
-    pub payload: Payload,
-    /// What directions meet.
-    pub senders: Senders,
-    /// How directions are drawn.
-    pub sampling: Sampling,
-    /// Where the light of a hit is taken from.
-    pub lighting: Lighting,
-    /// Whether to count into [`BouncedView::statistics`]. Slower; for measuring.
-    pub statistics: bool,
-}
-
-impl BouncedDescriptor {
-    /// Whether hits are lit where they are.
-    pub(crate) fn lit(&self) -> bool {
-        (self.payload, self.lighting) == (Payload::Radiance, Lighting::Hits)
-    }
-
-    pub(crate) fn flags(&self) -> Vec<&'static str> {
-        let mut flags = Vec::new();
-        flags.extend((self.payload == Payload::Radiance).then_some("RADIANCE"));
-        flags.extend(matches!(self.senders, Senders::Disks { .. }).then_some("SENDER_DISKS"));
-        flags.extend(self.lit().then_some("LIT"));
-        flags.extend(self.statistics.then_some("STATISTICS"));
-        flags.extend((self.sampling == Sampling::Glossy).then_some("GLOSSY"));
-        flags
-    }
-}
-
-/// Hits of all pixels and directions.
-#[derive(Debug)]
-pub(crate) enum Hits {
-    /// `directions / 32` words of bits a pixel, rows from the top.
-    Bits(Buffer),
-    /// A packed colour, a layer a direction.
-    Colors(TextureView),
-}
-
-/// One view's receivers and hits.
-#[derive(Debug)]
-pub struct BouncedView {
-    pub(crate) receivers: Receivers,
-    pub(crate) hits: Hits,
-    pub(crate) descriptor: BouncedDescriptor,
-    directions: u32,
-    statistics: Option<Buffer>,
-}
-
-impl BouncedView {
-    /// Width and height in pixels: that of the cameras' viewports.
-    pub fn size(&self) -> [u32; 2] {
-        self.receivers.size
-    }
-
-    /// The receivers: `Rgba32Uint`, in xyz the bits of the position in the cloud's eye space, in w the octahedral
-    /// normal, 0x80008000 for the sky (usages `TEXTURE_BINDING | COPY_SRC`).
-    pub fn receivers(&self) -> &TextureView {
-        &self.receivers.view
-    }
-
-    /// How many directions it has room for.
-    pub fn directions(&self) -> u32 {
-        self.directions
-    }
-
-    /// With [`Payload::Occlusion`] the hits: for each pixel, rows from the top, as many words as the recording's
-    /// directions fill, 32 each; bit i of them is set where direction i was blocked (usages `STORAGE | COPY_SRC`).
-    pub fn blocked(&self) -> Option<&Buffer> {
-        match &self.hits {
-            Hits::Bits(buffer) => Some(buffer),
-            Hits::Colors(_) => None,
-        }
-    }
-
-    /// With [`Payload::Radiance`] the hits: an `R32Uint` array texture with a layer a direction, of what arrives along
-    /// it: 8 bits each of red, green and blue times 2^(e − 136), e being the highest 8 bits; 0 where nothing does (usages
-    /// `TEXTURE_BINDING | COPY_SRC`).
-    pub fn radiance(&self) -> Option<&TextureView> {
-        match &self.hits {
-            Hits::Bits(_) => None,
-            Hits::Colors(view) => Some(view),
-        }
-    }
-
-    /// What the last recording counted, where the descriptor asked for it: four `u32`, namely rays, nodes of bounds and
-    /// runs of four senders that they were tested against, and rays that hit (usage `COPY_SRC`).
-    pub fn statistics(&self) -> Option<&Buffer> {
-        self.statistics.as_ref()
-    }
-
-    /// GPU memory that it owns, bytes.
-    pub fn memory_bytes(&self) -> u64 {
-        let hits = match &self.hits {
-            Hits::Bits(buffer) => buffer.size(),
-            Hits::Colors(_) => {
-                plane_bytes(TextureFormat::R32Uint, self.size(), self.directions.max(1))
-            }
-        };
-        plane_bytes(TextureFormat::Rgba32Uint, self.size(), 1)
-            + hits
-            + self.statistics.as_ref().map_or(0, Buffer::size)
-    }
 }
 
 /// What one recording of the [`BouncedZBuffer`] works on.
@@ -391,7 +236,7 @@ impl BouncedZBuffer {
     /// # Errors
     /// What [`GBuffer::validate`] and [`BouncedSettings::validate`] find; [`Error::Mismatch`] where the view was made for
     /// another descriptor or size or for fewer directions, or the bounds for another cloud; [`Error::Buffer`] for radiance
-    /// that is missing or too small, or for materials; what [`Light::validate`] finds; [`Error::Mismatch`] for lighting that is
+    /// that is missing or too small, or for materials; what [`Light::validate`](crate::Light::validate) finds; [`Error::Mismatch`] for lighting that is
     /// missing, and [`Error::Setting`] for too many lights; what [`GBuffer::validate`] finds of views, and [`Error::Mismatch`] where there is none,
     /// for roughness; [`Error::Setting`] where radiance of pieces is asked for and the surfels are not leaves of them
     /// ([`Placement::Grid`] and [`Placement::Random`]).

@@ -11,8 +11,9 @@ use wgpu::{
 use self::{params::HitReconstructorParams, settings::HitReconstructorSettings};
 use crate::{
     bounced_z_buffer::{
-        BouncedDescriptor, BouncedView, Hits, Payload,
+        descriptor::{BouncedDescriptor, Payload},
         settings::{BouncedSettings, Sampling},
+        view::{BouncedView, Hits},
     },
     camera::Camera,
     error::Error,

@@ -8,7 +8,7 @@ use wgpu::{
 };
 
 use crate::{
-    bounced_z_buffer::Senders,
+    bounced_z_buffer::descriptor::Senders,
     disk_bounds::{DiskBounds, DiskBoundsPass},
     error::{Error, check_limit},
     gpu::{

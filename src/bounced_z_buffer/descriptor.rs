@@ -1,0 +1,89 @@
+//! What a bounced z-buffer is compiled for.
+
+use wgpu::Buffer;
+
+use super::settings::Sampling;
+use crate::light::Light;
+
+/// What is kept of a hit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Payload {
+    /// That there is one: a bit a direction. A ray ends at the first hit that it finds, the nearest or not.
+    #[default]
+    Occlusion,
+    /// The radiance that its surfel sends towards the pixel: four bytes a direction.
+    Radiance,
+}
+
+/// Where the light of a hit is taken from; with [`Payload::Radiance`] alone.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Lighting {
+    /// From the surfel that the hit belongs to, which a [`SurfelShader`](crate::SurfelShader) or the caller has lit: any
+    /// radiance and any shadows, once a surfel, however many hits. As fine as surfels are: an edge of light or shadow
+    /// that crosses one is lost, which shows where a surface lies close beside it.
+    #[default]
+    Surfels,
+    /// From the lights, at the hit itself, by a ray to each through the same bounds: exact, and no surfel is needed (a
+    /// cloud with a capacity of 0 surfels does). Costs a ray a hit and light. Not with [`Senders::Disks`].
+    Hits,
+}
+
+/// The lights and materials of [`Lighting::Hits`].
+#[derive(Clone, Copy, Debug)]
+pub struct HitLighting<'a> {
+    /// A storage buffer of one or more [`Material`](crate::Material)s. An index beyond its end takes the last one; a
+    /// component that is negative or not finite counts as 0.
+    pub materials: &'a Buffer,
+    /// Up to 16 that shine. None leaves the surfaces' own emission.
+    pub lights: &'a [Light],
+}
+
+/// What directions meet.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Senders {
+    /// A cloud's pieces, which are triangles: exact.
+    #[default]
+    Pieces,
+    /// A cloud's surfels as disks, from either side, as in the paper (The Bounced Z-buffer 4.2): for comparison with it.
+    /// Disks leave gaps between them, which rays pass through, and stick out at edges.
+    ///
+    /// On level l a pixel meets one surfel in 4^l, 2^l times as large, at distances within the level's shell
+    /// ([`DiskSettings`](crate::DiskSettings)). On level 0 those that lie in the pixel's own surface are left out: turned
+    /// by less than acos 0.8, with less than half a radius between the pixel and their plane, and hit within four radii.
+    Disks {
+        /// Number of levels, 1…8; 1 for plain disks without levels.
+        levels: u32,
+    },
+}
+
+/// What a [`BouncedZBuffer`](crate::BouncedZBuffer) is compiled for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BouncedDescriptor {
+    /// What is kept of a hit.
+    pub payload: Payload,
+    /// What directions meet.
+    pub senders: Senders,
+    /// How directions are drawn.
+    pub sampling: Sampling,
+    /// Where the light of a hit is taken from.
+    pub lighting: Lighting,
+    /// Whether to count into [`BouncedView::statistics`](crate::BouncedView::statistics). Slower; for measuring.
+    pub statistics: bool,
+}
+
+impl BouncedDescriptor {
+    /// Whether hits are lit where they are.
+    pub(crate) fn lit(&self) -> bool {
+        (self.payload, self.lighting) == (Payload::Radiance, Lighting::Hits)
+    }
+
+    pub(crate) fn flags(&self) -> Vec<&'static str> {
+        let mut flags = Vec::new();
+        flags.extend((self.payload == Payload::Radiance).then_some("RADIANCE"));
+        flags.extend(matches!(self.senders, Senders::Disks { .. }).then_some("SENDER_DISKS"));
+        flags.extend(self.lit().then_some("LIT"));
+        flags.extend(self.statistics.then_some("STATISTICS"));
+        flags.extend((self.sampling == Sampling::Glossy).then_some("GLOSSY"));
+        flags
+    }
+}

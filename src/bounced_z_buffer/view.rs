@@ -1,0 +1,81 @@
+//! One view's receivers and hits.
+
+use wgpu::{Buffer, TextureFormat, TextureView};
+
+use super::descriptor::BouncedDescriptor;
+use crate::receivers::{Receivers, plane_bytes};
+
+/// Hits of all pixels and directions.
+#[derive(Debug)]
+pub(crate) enum Hits {
+    /// `directions / 32` words of bits a pixel, rows from the top.
+    Bits(Buffer),
+    /// A packed colour, a layer a direction.
+    Colors(TextureView),
+}
+
+/// One view's receivers and hits.
+#[derive(Debug)]
+pub struct BouncedView {
+    pub(crate) receivers: Receivers,
+    pub(crate) hits: Hits,
+    pub(crate) descriptor: BouncedDescriptor,
+    pub(super) directions: u32,
+    pub(super) statistics: Option<Buffer>,
+}
+
+impl BouncedView {
+    /// Width and height in pixels: that of the cameras' viewports.
+    pub fn size(&self) -> [u32; 2] {
+        self.receivers.size
+    }
+
+    /// The receivers: `Rgba32Uint`, in xyz the bits of the position in the cloud's eye space, in w the octahedral
+    /// normal, 0x80008000 for the sky (usages `TEXTURE_BINDING | COPY_SRC`).
+    pub fn receivers(&self) -> &TextureView {
+        &self.receivers.view
+    }
+
+    /// How many directions it has room for.
+    pub fn directions(&self) -> u32 {
+        self.directions
+    }
+
+    /// With [`Payload::Occlusion`](crate::Payload::Occlusion) the hits: for each pixel, rows from the top, as many words as the recording's
+    /// directions fill, 32 each; bit i of them is set where direction i was blocked (usages `STORAGE | COPY_SRC`).
+    pub fn blocked(&self) -> Option<&Buffer> {
+        match &self.hits {
+            Hits::Bits(buffer) => Some(buffer),
+            Hits::Colors(_) => None,
+        }
+    }
+
+    /// With [`Payload::Radiance`](crate::Payload::Radiance) the hits: an `R32Uint` array texture with a layer a direction, of what arrives along
+    /// it: 8 bits each of red, green and blue times 2^(e − 136), e being the highest 8 bits; 0 where nothing does (usages
+    /// `TEXTURE_BINDING | COPY_SRC`).
+    pub fn radiance(&self) -> Option<&TextureView> {
+        match &self.hits {
+            Hits::Bits(_) => None,
+            Hits::Colors(view) => Some(view),
+        }
+    }
+
+    /// What the last recording counted, where the descriptor asked for it: four `u32`, namely rays, nodes of bounds and
+    /// runs of four senders that they were tested against, and rays that hit (usage `COPY_SRC`).
+    pub fn statistics(&self) -> Option<&Buffer> {
+        self.statistics.as_ref()
+    }
+
+    /// GPU memory that it owns, bytes.
+    pub fn memory_bytes(&self) -> u64 {
+        let hits = match &self.hits {
+            Hits::Bits(buffer) => buffer.size(),
+            Hits::Colors(_) => {
+                plane_bytes(TextureFormat::R32Uint, self.size(), self.directions.max(1))
+            }
+        };
+        plane_bytes(TextureFormat::Rgba32Uint, self.size(), 1)
+            + hits
+            + self.statistics.as_ref().map_or(0, Buffer::size)
+    }
+}
