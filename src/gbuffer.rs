@@ -1,8 +1,16 @@
 //! The caller's G-buffer: borrowed views, how they are encoded, and the checks that they fit.
 
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
 use wgpu::{TextureFormat as Format, TextureUsages, TextureView};
 
-use crate::{camera::Viewport, error::Error};
+use crate::{
+    camera::{Camera, CameraParams, Viewport},
+    error::Error,
+};
+
+/// Half a unit in the last place of an f32.
+pub(crate) const DEPTH_RELATIVE: f32 = 6e-8;
 
 /// How the three components of a normal are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -127,6 +135,35 @@ impl GBuffer<'_> {
 
     pub(crate) fn depth_step(&self) -> f32 {
         depth_step(self.depth.texture().format())
+    }
+}
+
+/// What `wgsl/common/gbuffer.wgsl` asks of its importers' parameters, first in theirs.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct GBufferParams {
+    pub(crate) camera: CameraParams,
+    pub(crate) normal_encoding: u32,
+    pub(crate) normal_in_view: u32,
+    pub(crate) depth_step: f32,
+    pub(crate) depth_relative: f32,
+}
+
+impl GBufferParams {
+    /// `origin` is the eye that positions shall be relative to.
+    pub fn new(gbuffer: &GBuffer<'_>, camera: &Camera, origin: DVec3) -> Self {
+        Self {
+            camera: camera.params(origin),
+            normal_encoding: match gbuffer.normal_encoding {
+                NormalEncoding::Signed => 0,
+                NormalEncoding::Unsigned => 1,
+                NormalEncoding::Octahedral => 2,
+                NormalEncoding::OctahedralUnsigned => 3,
+            },
+            normal_in_view: u32::from(gbuffer.normal_space == NormalSpace::View),
+            depth_step: gbuffer.depth_step(),
+            depth_relative: DEPTH_RELATIVE,
+        }
     }
 }
 

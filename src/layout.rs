@@ -8,10 +8,12 @@ use crate::{
     bounced_z_buffer::params::{BouncedParams, LightsParams},
     camera::CameraParams,
     disk_bounds::{DiskBoundsParams, DiskParams},
+    gbuffer::GBufferParams,
     gpu::sort::SortParams,
     hit_reconstructor::params::HitReconstructorParams,
     light::LightParams,
-    receivers::ReceiversParams,
+    multi_res_mask::params::{EdgeParams, LevelParams},
+    multi_res_reconstructor::params::MultiResReconstructorParams,
     reconstructor::params::ReconstructorParams,
     sender_bounds::SenderBoundsParams,
     shaders,
@@ -91,14 +93,44 @@ fn structs_match_the_shaders() {
     let mesh = fields!(MeshParams: vertex_offset, vertex_stride, vertex_format, vertex_count, index_offset, index_format,
         base_vertex, triangles, instance_offset, instance_stride, instance_format, instances, first_triangle, material);
     check(&ao, "surfelizer", "Mesh", &mesh, size_of::<MeshParams>());
-    let receivers = fields!(ReceiversParams: camera, normal_encoding, normal_in_view, depth_step, depth_relative);
+    let gbuffer =
+        fields!(GBufferParams: camera, normal_encoding, normal_in_view, depth_step, depth_relative);
     check(
         &ao,
         "receivers",
         "Params",
-        &receivers,
-        size_of::<ReceiversParams>(),
+        &gbuffer,
+        size_of::<GBufferParams>(),
     );
+    // What follows the G-buffer's own.
+    let after = |fields: &[(&'static str, usize)]| [gbuffer.as_slice(), fields].concat();
+    let edges =
+        after(&fields!(EdgeParams: normal_threshold, depth_threshold, shading_threshold, sources));
+    check(
+        &ao,
+        "multi_res_mask edges",
+        "Params",
+        &edges,
+        size_of::<EdgeParams>(),
+    );
+    let level = fields!(LevelParams: size, tiles, finer_size, finer_by, radius, falloff, threshold, everything,
+        first_tile);
+    for stage in ["widen", "list", "stamp"] {
+        let shader = format!("multi_res_mask {stage}");
+        check(&ao, &shader, "Params", &level, size_of::<LevelParams>());
+    }
+    let blend = after(
+        &fields!(MultiResReconstructorParams: weights, levels, coarsest, plane_distance, normal_power),
+    );
+    for shader in ["multi_res_reconstructor", "multi_res_reconstructor color"] {
+        check(
+            &ao,
+            shader,
+            "Params",
+            &blend,
+            size_of::<MultiResReconstructorParams>(),
+        );
+    }
     let splat = fields!(SplatParams: size, sub_size, tiles, level, unbounded, epsilon, world_radius, seed, clusters,
         first_cluster, groups, first_group);
     for shader in ["shell_splatter build", "shell_splatter splat"] {

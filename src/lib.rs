@@ -99,6 +99,8 @@ mod hit_reconstructor;
 #[cfg(test)]
 mod layout;
 mod light;
+mod multi_res_mask;
+mod multi_res_reconstructor;
 mod receivers;
 mod reconstructor;
 #[cfg(feature = "reference")]
@@ -135,6 +137,14 @@ pub use hit_reconstructor::{
     settings::HitReconstructorSettings,
 };
 pub use light::Light;
+pub use multi_res_mask::{
+    MultiResMask, MultiResMaskInput, MultiResView,
+    settings::{MultiResLevel, MultiResMaskSettings},
+};
+pub use multi_res_reconstructor::{
+    MultiResReconstructor, MultiResReconstructorInput, SubImages,
+    settings::MultiResReconstructorSettings,
+};
 pub use reconstructor::{
     Reconstructor, ReconstructorInput, ReconstructorView, settings::ReconstructorSettings,
 };

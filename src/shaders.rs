@@ -7,11 +7,12 @@ use crate::{
         settings::Sampling,
     },
     disk_bounds,
-    effect::Effect,
+    effect::{Channels, Effect},
     error::Error,
     gpu::{scan, shader::assemble, sort},
     hit_reconstructor::{self, HitReconstructorDescriptor, HitStage},
-    receivers,
+    multi_res_mask::{self, MaskStage},
+    multi_res_reconstructor, receivers,
     reconstructor::{self, ReconstructorVariant},
     sender_bounds,
     shell_splatter::{self, SplatVariant},
@@ -182,6 +183,24 @@ pub fn shaders(effect: &Effect) -> Result<Vec<Shader>, Error> {
     ] {
         let source = temporal_accumulator::source(effect.channels, variant)?;
         all.push(shader(name, source, none));
+    }
+    for (name, stage) in [
+        ("multi_res_mask edges", MaskStage::Edges),
+        ("multi_res_mask widen", MaskStage::Widen),
+        ("multi_res_mask list", MaskStage::List),
+        ("multi_res_mask stamp", MaskStage::Stamp),
+    ] {
+        all.push(shader(name, multi_res_mask::source(stage)?, none));
+    }
+    for (name, channels) in [
+        ("multi_res_reconstructor", Channels::One),
+        ("multi_res_reconstructor color", Channels::Three),
+    ] {
+        all.push(shader(
+            name,
+            multi_res_reconstructor::source(channels)?,
+            none,
+        ));
     }
     Ok(all)
 }

@@ -13,6 +13,7 @@ const COMMON: &[(&str, &str)] = &[
     ("packing", include_str!("../../wgsl/common/packing.wgsl")),
     ("hashing", include_str!("../../wgsl/common/hashing.wgsl")),
     ("camera", include_str!("../../wgsl/common/camera.wgsl")),
+    ("gbuffer", include_str!("../../wgsl/common/gbuffer.wgsl")),
     ("dispatch", include_str!("../../wgsl/common/dispatch.wgsl")),
     ("receiver", include_str!("../../wgsl/common/receiver.wgsl")),
     ("surfel", include_str!("../../wgsl/common/surfel.wgsl")),
@@ -21,6 +22,10 @@ const COMMON: &[(&str, &str)] = &[
     ("material", include_str!("../../wgsl/common/material.wgsl")),
     ("levels", include_str!("../../wgsl/common/levels.wgsl")),
     ("screen", include_str!("../../wgsl/common/screen.wgsl")),
+    (
+        "sub_image",
+        include_str!("../../wgsl/common/sub_image.wgsl"),
+    ),
     ("work", include_str!("../../wgsl/common/work.wgsl")),
     ("rooms", include_str!("../../wgsl/common/rooms.wgsl")),
     (

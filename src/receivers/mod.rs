@@ -1,6 +1,5 @@
 //! The caller's G-buffer decoded once for the passes that follow (`wgsl/receivers.wgsl`).
 
-use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use wgpu::{
     CommandEncoder, ComputePipeline, Device, PipelineCache, ShaderStages, TextureFormat,
@@ -8,9 +7,9 @@ use wgpu::{
 };
 
 use crate::{
-    camera::{Camera, CameraParams},
+    camera::Camera,
     error::{Error, check_limit},
-    gbuffer::{GBuffer, NormalEncoding, NormalSpace},
+    gbuffer::{GBuffer, GBufferParams},
     gpu::{
         Kernel,
         binding::{self, FLOAT_2D, UNIFORM, view, whole},
@@ -21,9 +20,6 @@ use crate::{
 pub(crate) const SOURCE: &str = include_str!("../../wgsl/receivers.wgsl");
 
 const LABEL: &str = "deep-screen-space receivers";
-
-/// Half a unit in the last place of an f32.
-pub(crate) const DEPTH_RELATIVE: f32 = 6e-8;
 
 /// Position and normal of each pixel of a view, 16 bytes a pixel.
 #[derive(Debug)]
@@ -89,16 +85,6 @@ pub(crate) fn plane_bytes(format: TextureFormat, size: [u32; 2], layers: u32) ->
         * u64::from(layers)
 }
 
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-pub(crate) struct ReceiversParams {
-    pub(crate) camera: CameraParams,
-    pub(crate) normal_encoding: u32,
-    pub(crate) normal_in_view: u32,
-    pub(crate) depth_step: f32,
-    pub(crate) depth_relative: f32,
-}
-
 /// The pipeline.
 #[derive(Debug)]
 pub(crate) struct ReceiversPass {
@@ -149,22 +135,7 @@ impl ReceiversPass {
         origin: DVec3,
         receivers: &Receivers,
     ) {
-        let params = uniform(
-            device,
-            LABEL,
-            &ReceiversParams {
-                camera: camera.params(origin),
-                normal_encoding: match gbuffer.normal_encoding {
-                    NormalEncoding::Signed => 0,
-                    NormalEncoding::Unsigned => 1,
-                    NormalEncoding::Octahedral => 2,
-                    NormalEncoding::OctahedralUnsigned => 3,
-                },
-                normal_in_view: u32::from(gbuffer.normal_space == NormalSpace::View),
-                depth_step: gbuffer.depth_step(),
-                depth_relative: DEPTH_RELATIVE,
-            },
-        );
+        let params = uniform(device, LABEL, &GBufferParams::new(gbuffer, camera, origin));
         let group = binding::group(
             device,
             LABEL,

@@ -10,6 +10,8 @@ pub mod ggx;
 pub mod hashing;
 pub mod hit_reconstructor;
 pub mod light;
+pub mod multi_res_mask;
+pub mod multi_res_reconstructor;
 pub mod packing;
 pub mod receivers;
 pub mod reconstructor;

@@ -5,6 +5,8 @@
 //   var<storage, read> work: array<u32>   the count, then x | y << 16 of each pixel of the sub-image
 // Kernels are of @workgroup_size(8, 8).
 
+#import sub_image
+
 struct WorkItem {
   // False for the invocations that have none.
   valid: bool,
@@ -12,12 +14,6 @@ struct WorkItem {
   pixel: vec2u,
   // The pixel of the sub-image that it is written to.
   texel: vec2u,
-}
-
-// The pixel of the whole image that a pixel of a sub-image stands for: the one past its middle.
-fn stands_for(texel: vec2u, level: u32, size: vec2u) -> vec2u {
-  let half = (1u << level) >> 1u;
-  return min((texel << vec2u(level)) + half, size - 1u);
 }
 
 fn work_item(workgroup: vec3u, workgroups: vec3u, local_index: u32) -> WorkItem {

@@ -1,0 +1,37 @@
+//! What the GPU reads: `Params` of `wgsl/multi_res_reconstructor.wgsl`.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::{MultiResReconstructorInput, settings::MultiResReconstructorSettings};
+use crate::{gbuffer::GBufferParams, multi_res_mask::settings::MultiResMaskSettings, work::LEVELS};
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct MultiResReconstructorParams {
+    pub(crate) gbuffer: GBufferParams,
+    pub(crate) weights: [f32; LEVELS as usize],
+    pub(crate) levels: u32,
+    pub(crate) coarsest: u32,
+    pub(crate) plane_distance: f32,
+    pub(crate) normal_power: f32,
+}
+
+impl MultiResReconstructorParams {
+    pub fn new(
+        input: &MultiResReconstructorInput<'_>,
+        mask: &MultiResMaskSettings,
+        settings: &MultiResReconstructorSettings,
+    ) -> Self {
+        Self {
+            gbuffer: GBufferParams::new(&input.gbuffer, input.camera, input.camera.eye()),
+            // The masks' smallest values times what stands for infinity are 1 and more.
+            weights: mask
+                .levels
+                .map(|level| level.map_or(0.0, |l| l.weight.min(1e30))),
+            levels: mask.present().map(|(level, _)| 1 << level).sum(),
+            coarsest: mask.coarsest(),
+            plane_distance: settings.plane_distance,
+            normal_power: settings.normal_power,
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! Mirror of `wgsl/multi_res_reconstructor.wgsl`, coarse to fine as the paper has it.
+
+use glam::DVec3;
+
+use super::shell_splatter::Receiver;
+use crate::{Camera, MultiResMaskSettings, MultiResReconstructorSettings, work::level_size};
+
+const STRANGER: f64 = 1e-4;
+const CONFIDENT: f64 = 0.125;
+
+/// What a blend works on.
+#[derive(Clone, Copy, Debug)]
+pub struct Blend<'a> {
+    /// The camera of the view.
+    pub camera: &'a Camera,
+    /// The pixels of the viewport relative to its eye, rows from the top; `None` for the sky.
+    pub receivers: &'a [Option<Receiver>],
+    /// The settings of the masks.
+    pub mask_settings: &'a MultiResMaskSettings,
+    /// The masks.
+    pub masks: &'a [Option<Vec<f64>>; 4],
+    /// The sub-images; what is not listed is not read.
+    pub images: &'a [Option<Vec<DVec3>>; 4],
+    /// The settings.
+    pub settings: &'a MultiResReconstructorSettings,
+}
+
+/// The pixel of an image that a pixel of a sub-image stands for.
+pub fn stands_for([x, y]: [u32; 2], level: u32, [width, height]: [u32; 2]) -> [u32; 2] {
+    let half = (1 << level) >> 1;
+    [
+        ((x << level) + half).min(width - 1),
+        ((y << level) + half).min(height - 1),
+    ]
+}
+
+impl Blend<'_> {
+    fn size(&self) -> [u32; 2] {
+        let viewport = self.camera.viewport();
+        [viewport.width, viewport.height]
+    }
+
+    fn receiver(&self, [x, y]: [u32; 2]) -> Option<Receiver> {
+        self.receivers[(y * self.size()[0] + x) as usize]
+    }
+
+    fn similarity(&self, p: Option<Receiver>, q: Option<Receiver>, level: u32) -> f64 {
+        let (Some(p), Some(q)) = (p, q) else {
+            return f64::from(u8::from(p.is_none() && q.is_none()));
+        };
+        let pixel = self.camera.footprint().at(p.position);
+        let reach = f64::from(self.settings.plane_distance) * f64::from(1 << level) * pixel;
+        let d = q.position - p.position;
+        let off_plane = p.normal.dot(d).abs().max(q.normal.dot(d).abs()) / reach.max(1e-30);
+        let in_plane = (1.0 - off_plane * off_plane).max(0.0);
+        let power = f64::from(self.settings.normal_power);
+        let base = (1.0 - power / 8.0 * (1.0 - p.normal.dot(q.normal))).max(0.0);
+        in_plane * in_plane * base.powi(8)
+    }
+
+    /// Along an axis: the two pixels of a sub-image about a pixel, and the share of the second.
+    fn between(&self, at: u32, level: u32, axis: usize) -> ([u32; 2], f64) {
+        let end = level_size(self.size(), level)[axis] - 1;
+        let half = (1_u32 << level) >> 1;
+        let first = (at.saturating_sub(half) >> level).min(end);
+        let last = (first + 1).min(end);
+        let place = |t: u32| f64::from(stands_for([t, t], level, self.size())[axis]);
+        let extent = place(last) - place(first);
+        let share = (f64::from(at) - place(first)) / extent.max(1.0);
+        ([first, last], share.clamp(0.0, 1.0))
+    }
+
+    /// A level's value at a pixel, and how much of it there is.
+    fn layer(&self, pixel: [u32; 2], level: u32) -> (DVec3, f64) {
+        let (Some(mask), Some(image)) = (&self.masks[level as usize], &self.images[level as usize])
+        else {
+            return (DVec3::ZERO, 0.0);
+        };
+        let width = level_size(self.size(), level)[0];
+        let weight = self.mask_settings.levels[level as usize].map_or(0.0, |l| f64::from(l.weight));
+        let (columns, share_x) = self.between(pixel[0], level, 0);
+        let (rows, share_y) = self.between(pixel[1], level, 1);
+        let p = self.receiver(pixel);
+        let (mut share_of_mask, mut value, mut total, mut own) = (0.0, DVec3::ZERO, 0.0, 0.0);
+        for (y, share_y) in [(rows[0], 1.0 - share_y), (rows[1], share_y)] {
+            for (x, share_x) in [(columns[0], 1.0 - share_x), (columns[1], share_x)] {
+                let i = (y * width + x) as usize;
+                let share = share_x * share_y;
+                share_of_mask += share * mask[i];
+                if share > 0.0 && (mask[i] > 0.0 || level == 0) && image[i].is_finite() {
+                    let q = self.receiver(stands_for([x, y], level, self.size()));
+                    let alike = if level == 0 {
+                        1.0
+                    } else {
+                        self.similarity(p, q, level)
+                    };
+                    value += share * (alike + STRANGER) * image[i];
+                    total += share * (alike + STRANGER);
+                    own += share * alike;
+                }
+            }
+        }
+        let alpha = if level == self.mask_settings.coarsest() {
+            1.0
+        } else if share_of_mask > 0.0 {
+            (share_of_mask * weight).min(1.0) * (own / CONFIDENT).min(1.0)
+        } else {
+            0.0
+        };
+        (value / f64::max(total, 1e-30), alpha)
+    }
+
+    /// The image, rows from the top.
+    pub fn image(&self) -> Vec<DVec3> {
+        let [width, height] = self.size();
+        (0..width * height)
+            .map(|i| {
+                let mut value = DVec3::ZERO;
+                for level in (0..=self.mask_settings.coarsest()).rev() {
+                    let (own, alpha) = self.layer([i % width, i / width], level);
+                    if alpha > 0.0 {
+                        value = own * alpha + value * (1.0 - alpha);
+                    }
+                }
+                value
+            })
+            .collect()
+    }
+}
