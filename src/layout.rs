@@ -8,12 +8,12 @@ use crate::{
     bounced_z_buffer::params::{BouncedParams, LightsParams},
     camera::CameraParams,
     disk_bounds::{DiskBoundsParams, DiskParams},
-    gbuffer::GBufferParams,
     gpu::sort::SortParams,
     hit_reconstructor::params::HitReconstructorParams,
     light::LightParams,
     multi_res_mask::params::{EdgeParams, LevelParams},
     multi_res_reconstructor::params::MultiResReconstructorParams,
+    receivers::ReceiversParams,
     reconstructor::params::ReconstructorParams,
     sender_bounds::SenderBoundsParams,
     shaders,
@@ -93,14 +93,13 @@ fn structs_match_the_shaders() {
     let mesh = fields!(MeshParams: vertex_offset, vertex_stride, vertex_format, vertex_count, index_offset, index_format,
         base_vertex, triangles, instance_offset, instance_stride, instance_format, instances, first_triangle, material);
     check(&ao, "surfelizer", "Mesh", &mesh, size_of::<MeshParams>());
-    let gbuffer =
-        fields!(GBufferParams: camera, normal_encoding, normal_in_view, depth_step, depth_relative);
+    let gbuffer = fields!(ReceiversParams: camera, normals, depth_step, depth_relative);
     check(
         &ao,
         "receivers",
         "Params",
         &gbuffer,
-        size_of::<GBufferParams>(),
+        size_of::<ReceiversParams>(),
     );
     // What follows the G-buffer's own.
     let after = |fields: &[(&'static str, usize)]| [gbuffer.as_slice(), fields].concat();

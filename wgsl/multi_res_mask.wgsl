@@ -9,12 +9,11 @@
 
 #if EDGES
 
-#import gbuffer
+#import surface
 
 struct Params {
   camera: Camera,
-  normal_encoding: u32,
-  normal_in_view: u32,
+  normals: vec2u,
   depth_step: f32,
   depth_relative: f32,
   // Least first difference of unit normals that is an edge.
@@ -56,18 +55,22 @@ struct Sample {
 fn sample_at(pixel: vec2u) -> Sample {
   let at = params.camera.viewport.xy + pixel;
   let depth = textureLoad(depth_texture, at, 0).x;
-  let h = homogeneous(pixel, depth);
+  let is_seen = unproject(params.camera, pixel, depth).w != 0.0;
+  // A point's homogeneous coordinates end in it, and on a pixel's ray it alone changes with the depth.
+  let middle = vec2f(pixel) + 0.5;
+  let ndc = middle / vec2f(params.camera.viewport.zw) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
+  let h = params.camera.unproject * vec4f(ndc, depth - params.camera.far_depth, 1.0);
   let along = depth * length(params.camera.unproject[2].xyz);
   var shade = 0.0;
   if (params.sources & SHADING) != 0u {
     shade = textureLoad(shading, at, 0).x;
   }
   return Sample(
-    decode_normal(textureLoad(normal_texture, at, 0).xyz, vec3f(0.0)),
+    decode_normal(params.camera, params.normals, textureLoad(normal_texture, at, 0).xyz, vec3f(0.0)),
     depth,
     select(along, h.w, params.camera.perspective != 0u),
     shade,
-    !(is_foreground(depth) && h.w > 0.0),
+    !is_seen,
   );
 }
 

@@ -11,14 +11,13 @@
 //
 // @group(0) @binding(0) params, 1 depth, 2 normals, 3 ... 6 masks, 7 ... 10 images
 
-#import gbuffer
+#import surface
 #import sub_image
 #import screen
 
 struct Params {
   camera: Camera,
-  normal_encoding: u32,
-  normal_in_view: u32,
+  normals: vec2u,
   depth_step: f32,
   depth_relative: f32,
   weights: vec4f,

@@ -3,13 +3,14 @@
 //
 // @group(0) @binding(0) params, 1 depth (post-projection), 2 normals, 3 the receivers
 
-#import gbuffer
+#import surface
 #import receiver
 
 struct Params {
   camera: Camera,
-  normal_encoding: u32,
-  normal_in_view: u32,
+  // How normals are stored (src/gbuffer.rs).
+  normals: vec2u,
+  // How far a stored depth may lie from the true one: an absolute part, and one relative to the depth.
   depth_step: f32,
   depth_relative: f32,
 }

@@ -14,6 +14,7 @@ const COMMON: &[(&str, &str)] = &[
     ("hashing", include_str!("../../wgsl/common/hashing.wgsl")),
     ("camera", include_str!("../../wgsl/common/camera.wgsl")),
     ("gbuffer", include_str!("../../wgsl/common/gbuffer.wgsl")),
+    ("surface", include_str!("../../wgsl/common/surface.wgsl")),
     ("dispatch", include_str!("../../wgsl/common/dispatch.wgsl")),
     ("receiver", include_str!("../../wgsl/common/receiver.wgsl")),
     ("surfel", include_str!("../../wgsl/common/surfel.wgsl")),

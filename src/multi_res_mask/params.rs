@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::{MultiResMaskInput, settings::MultiResMaskSettings};
-use crate::{gbuffer::GBufferParams, work::level_size};
+use crate::{receivers::ReceiversParams, work::level_size};
 
 /// Stands for infinity.
 const UNBOUNDED: f32 = 1e18;
@@ -12,7 +12,7 @@ const UNBOUNDED: f32 = 1e18;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct EdgeParams {
-    pub(crate) gbuffer: GBufferParams,
+    pub(crate) gbuffer: ReceiversParams,
     pub(crate) normal_threshold: f32,
     pub(crate) depth_threshold: f32,
     pub(crate) shading_threshold: f32,
@@ -25,7 +25,7 @@ impl EdgeParams {
         let threshold = |t: f32| t.clamp(1e-30, UNBOUNDED);
         let sources = [input.shading, input.edges, input.importance];
         Self {
-            gbuffer: GBufferParams::new(&input.gbuffer, input.camera, input.camera.eye()),
+            gbuffer: ReceiversParams::new(&input.gbuffer, input.camera, input.camera.eye()),
             normal_threshold: threshold(settings.normal_threshold),
             depth_threshold: threshold(settings.depth_threshold),
             shading_threshold: threshold(settings.shading_threshold),

@@ -3,12 +3,14 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::{MultiResReconstructorInput, settings::MultiResReconstructorSettings};
-use crate::{gbuffer::GBufferParams, multi_res_mask::settings::MultiResMaskSettings, work::LEVELS};
+use crate::{
+    multi_res_mask::settings::MultiResMaskSettings, receivers::ReceiversParams, work::LEVELS,
+};
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct MultiResReconstructorParams {
-    pub(crate) gbuffer: GBufferParams,
+    pub(crate) gbuffer: ReceiversParams,
     pub(crate) weights: [f32; LEVELS as usize],
     pub(crate) levels: u32,
     pub(crate) coarsest: u32,
@@ -23,7 +25,7 @@ impl MultiResReconstructorParams {
         settings: &MultiResReconstructorSettings,
     ) -> Self {
         Self {
-            gbuffer: GBufferParams::new(&input.gbuffer, input.camera, input.camera.eye()),
+            gbuffer: ReceiversParams::new(&input.gbuffer, input.camera, input.camera.eye()),
             // The masks' smallest values times what stands for infinity are 1 and more.
             weights: mask
                 .levels

@@ -1,5 +1,6 @@
 //! The caller's G-buffer decoded once for the passes that follow (`wgsl/receivers.wgsl`).
 
+use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use wgpu::{
     CommandEncoder, ComputePipeline, Device, PipelineCache, ShaderStages, TextureFormat,
@@ -7,9 +8,9 @@ use wgpu::{
 };
 
 use crate::{
-    camera::Camera,
+    camera::{Camera, CameraParams},
     error::{Error, check_limit},
-    gbuffer::{GBuffer, GBufferParams},
+    gbuffer::GBuffer,
     gpu::{
         Kernel,
         binding::{self, FLOAT_2D, UNIFORM, view, whole},
@@ -20,6 +21,9 @@ use crate::{
 pub(crate) const SOURCE: &str = include_str!("../../wgsl/receivers.wgsl");
 
 const LABEL: &str = "deep-screen-space receivers";
+
+/// Half a unit in the last place of an f32.
+pub(crate) const DEPTH_RELATIVE: f32 = 6e-8;
 
 /// Position and normal of each pixel of a view, 16 bytes a pixel.
 #[derive(Debug)]
@@ -85,6 +89,28 @@ pub(crate) fn plane_bytes(format: TextureFormat, size: [u32; 2], layers: u32) ->
         * u64::from(layers)
 }
 
+/// What `wgsl/common/surface.wgsl` asks of its importers' parameters, first in theirs.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct ReceiversParams {
+    pub(crate) camera: CameraParams,
+    pub(crate) normals: [u32; 2],
+    pub(crate) depth_step: f32,
+    pub(crate) depth_relative: f32,
+}
+
+impl ReceiversParams {
+    /// `origin` is the eye that positions shall be relative to.
+    pub fn new(gbuffer: &GBuffer<'_>, camera: &Camera, origin: DVec3) -> Self {
+        Self {
+            camera: camera.params(origin),
+            normals: gbuffer.normals().params(),
+            depth_step: gbuffer.depth_step(),
+            depth_relative: DEPTH_RELATIVE,
+        }
+    }
+}
+
 /// The pipeline.
 #[derive(Debug)]
 pub(crate) struct ReceiversPass {
@@ -135,7 +161,11 @@ impl ReceiversPass {
         origin: DVec3,
         receivers: &Receivers,
     ) {
-        let params = uniform(device, LABEL, &GBufferParams::new(gbuffer, camera, origin));
+        let params = uniform(
+            device,
+            LABEL,
+            &ReceiversParams::new(gbuffer, camera, origin),
+        );
         let group = binding::group(
             device,
             LABEL,

@@ -4,9 +4,7 @@ use glam::DVec3;
 
 use super::receivers::Decoder;
 use crate::{
-    MultiResMaskSettings,
-    gbuffer::{DEPTH_RELATIVE, depth_step},
-    work::level_size,
+    MultiResMaskSettings, gbuffer::depth_step, receivers::DEPTH_RELATIVE, work::level_size,
 };
 
 /// What edges are found in: the pixels of the viewport, rows from the top.

@@ -4,10 +4,7 @@ use glam::{DVec2, DVec3};
 use wgpu::TextureFormat;
 
 use super::{packing::octahedral_to, shell_splatter::Receiver};
-use crate::{
-    Camera, NormalEncoding, NormalSpace,
-    gbuffer::{DEPTH_RELATIVE, depth_step},
-};
+use crate::{Camera, NormalEncoding, NormalSpace, gbuffer::depth_step, receivers::DEPTH_RELATIVE};
 
 /// What lies farther from the eye is sky.
 const FARTHEST: f64 = 1e18;
