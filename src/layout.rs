@@ -15,9 +15,11 @@ use crate::{
     multi_res_reconstructor::params::MultiResReconstructorParams,
     receivers::ReceiversParams,
     reconstructor::params::ReconstructorParams,
+    screen_space_gi::params::ScreenSpaceGiParams,
     sender_bounds::SenderBoundsParams,
     shaders,
     shell_splatter::params::SplatParams,
+    soft_shadows::params::SoftShadowsParams,
     surfel_shader::params::{ShadowCameraParams, ShadowParams, SurfelShaderParams},
     surfelizer::params::{MeshParams, SurfelizerParams},
     temporal_accumulator::params::TemporalParams,
@@ -130,6 +132,20 @@ fn structs_match_the_shaders() {
             size_of::<MultiResReconstructorParams>(),
         );
     }
+    let shadows = after(
+        &fields!(SoftShadowsParams: light, level, blockers, samples, turn, extent, max_penumbra),
+    );
+    let bounce = after(&fields!(ScreenSpaceGiParams: project, level, samples, turn, radius));
+    for list in ["", " list"] {
+        let (shadows_name, bounce_name) = (
+            format!("soft_shadows{list}"),
+            format!("screen_space_gi{list}"),
+        );
+        let size = size_of::<SoftShadowsParams>();
+        check(&ao, &shadows_name, "Params", &shadows, size);
+        let size = size_of::<ScreenSpaceGiParams>();
+        check(&ao, &bounce_name, "Params", &bounce, size);
+    }
     let splat = fields!(SplatParams: size, sub_size, tiles, level, unbounded, epsilon, world_radius, seed, clusters,
         first_cluster, groups, first_group);
     for shader in ["shell_splatter build", "shell_splatter splat"] {
@@ -167,7 +183,7 @@ fn structs_match_the_shaders() {
     shaded("Params", &params, size_of::<SurfelShaderParams>());
     let light = fields!(LightParams: position, kind, direction, outer, color, sharpness);
     shaded("Light", &light, size_of::<LightParams>());
-    let camera = fields!(ShadowCameraParams: clip, eye, far_depth, viewport, texel);
+    let camera = fields!(ShadowCameraParams: clip, eye, far_depth, viewport, texel, depth_scale, depth_offset, perspective);
     shaded("ShadowCamera", &camera, size_of::<ShadowCameraParams>());
     let shadow = fields!(ShadowParams: cameras, count, bias, depth_step);
     shaded("Shadow", &shadow, size_of::<ShadowParams>());

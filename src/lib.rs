@@ -107,9 +107,11 @@ mod reconstructor;
 pub mod reference;
 #[cfg(feature = "scenes")]
 pub mod scenes;
+mod screen_space_gi;
 mod sender_bounds;
 mod shaders;
 mod shell_splatter;
+mod soft_shadows;
 mod surfel;
 mod surfel_shader;
 mod surfelizer;
@@ -148,12 +150,14 @@ pub use multi_res_reconstructor::{
 pub use reconstructor::{
     Reconstructor, ReconstructorInput, ReconstructorView, settings::ReconstructorSettings,
 };
+pub use screen_space_gi::{ScreenSpaceGi, ScreenSpaceGiInput, settings::ScreenSpaceGiSettings};
 pub use sender_bounds::SenderBounds;
 pub use shaders::{Shader, shaders};
 pub use shell_splatter::{
     ClusterInput, ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatView, SurfelClusters,
     settings::SplatSettings,
 };
+pub use soft_shadows::{SoftShadows, SoftShadowsInput, settings::SoftShadowsSettings};
 pub use surfel::{
     CloudCapacity, Piece, Surfel, SurfelCloud, SurfelCounts, SurfelRadiance, SurfelSource,
 };

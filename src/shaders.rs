@@ -14,8 +14,9 @@ use crate::{
     multi_res_mask::{self, MaskStage},
     multi_res_reconstructor, receivers,
     reconstructor::{self, ReconstructorVariant},
-    sender_bounds,
+    screen_space_gi, sender_bounds,
     shell_splatter::{self, SplatVariant},
+    soft_shadows,
     surfel_shader::{self, ShadeVariant, ShadowKind},
     surfelizer,
     temporal_accumulator::{self, TemporalVariant},
@@ -201,6 +202,12 @@ pub fn shaders(effect: &Effect) -> Result<Vec<Shader>, Error> {
             multi_res_reconstructor::source(channels)?,
             none,
         ));
+    }
+    for (list, list_name) in [(false, ""), (true, " list")] {
+        let shadows = soft_shadows::source(list)?;
+        all.push(shader(&format!("soft_shadows{list_name}"), shadows, none));
+        let bounce = screen_space_gi::source(list)?;
+        all.push(shader(&format!("screen_space_gi{list_name}"), bounce, none));
     }
     Ok(all)
 }

@@ -44,72 +44,13 @@ struct Params {
 
 // Share of a light that arrives at a point of a surface, 0 to 1; `side` is the normal on the side of the light.
 #if SHADOW_MAP
-struct ShadowCamera {
-  // From a position relative to the camera's eye.
-  clip: mat4x4f,
-  eye: vec3f,
-  // The depth of the background, 0 or 1.
-  far_depth: f32,
-  // x, y, width, height in texels.
-  viewport: vec4f,
-  // Side of a texel, world units for each unit of the clip space's w.
-  texel: f32,
-  padding0: f32,
-  padding1: f32,
-  padding2: f32,
-}
-
-struct Shadow {
-  cameras: array<ShadowCamera, 6>,
-  count: u32,
-  // How far a point is moved off its surface, in texels.
-  bias: f32,
-  // How far a stored depth may lie from the true one.
-  depth_step: f32,
-  padding: f32,
-}
+#import shadow_map
 
 @group(0) @binding(7) var<uniform> shadow: Shadow;
 @group(0) @binding(8) var depth_map: texture_2d_array<f32>;
 
-// A share of w: two maps that meet share their edge, whatever the rounding.
-const SEAM: f32 = 1e-5;
-
-// A point in the clip space of the first map that knows of it; `layer` is `shadow.count` where none does.
-struct Seen {
-  layer: u32,
-  clip: vec4f,
-}
-
-fn first_map(point: vec3f) -> Seen {
-  for (var layer = 0u; layer < shadow.count; layer++) {
-    let clip = shadow.cameras[layer].clip * vec4f(point - shadow.cameras[layer].eye, 1.0);
-    let bound = clip.w * (1.0 + SEAM);
-    if clip.w > 0.0 && all(abs(clip.xy) <= vec2f(bound)) && clip.z >= 0.0 && clip.z <= clip.w {
-      return Seen(layer, clip);
-    }
-  }
-  return Seen(shadow.count, vec4f(0.0));
-}
-
 fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {
-  let own = first_map(point);
-  if own.layer == shadow.count {
-    return 1.0;
-  }
-  // Moved by the same way for all maps: between two of them it could else be in neither.
-  let seen = first_map(point + side * (shadow.bias * shadow.cameras[own.layer].texel * own.clip.w));
-  if seen.layer == shadow.count {
-    return 1.0;
-  }
-  let ndc = seen.clip.xyz / seen.clip.w;
-  let uv = clamp(ndc.xy * vec2f(0.5, -0.5) + 0.5, vec2f(0.0), vec2f(1.0));
-  let viewport = shadow.cameras[seen.layer].viewport;
-  let texel = min(floor(uv * viewport.zw), viewport.zw - 1.0);
-  let nearest = textureLoad(depth_map, vec2u(viewport.xy + texel), seen.layer, 0).x;
-  let forward = nearest < ndc.z - shadow.depth_step;
-  let reversed = nearest > ndc.z + shadow.depth_step;
-  return select(1.0, 0.0, select(forward, reversed, shadow.cameras[seen.layer].far_depth == 0.0));
+  return select(1.0, 0.0, is_hidden(look_up(point, side)));
 }
 #else
 #if SHADOW_TRACED

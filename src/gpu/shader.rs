@@ -20,6 +20,10 @@ const COMMON: &[(&str, &str)] = &[
     ("surfel", include_str!("../../wgsl/common/surfel.wgsl")),
     ("triangle", include_str!("../../wgsl/common/triangle.wgsl")),
     ("light", include_str!("../../wgsl/common/light.wgsl")),
+    (
+        "shadow_map",
+        include_str!("../../wgsl/common/shadow_map.wgsl"),
+    ),
     ("material", include_str!("../../wgsl/common/material.wgsl")),
     ("levels", include_str!("../../wgsl/common/levels.wgsl")),
     ("screen", include_str!("../../wgsl/common/screen.wgsl")),

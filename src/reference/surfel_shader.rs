@@ -87,17 +87,12 @@ impl ShadowMap<'_> {
         })
     }
 
-    /// Share of a light that arrives at a point of a surface; `side` is the normal on the side of the light.
-    pub fn lit(&self, point: DVec3, side: DVec3) -> f64 {
-        let Some((layer, own)) = self.first_map(point) else {
-            return 1.0;
-        };
+    /// What the map says of a point of a surface; `side` is the normal on the side of the light.
+    pub fn look_up(&self, point: DVec3, side: DVec3) -> Option<LookUp> {
+        let (layer, own) = self.first_map(point)?;
         let moved = point + side * (self.bias * texel(&self.cameras[layer]) * own.w);
-        let Some((layer, seen)) = self.first_map(moved) else {
-            return 1.0;
-        };
-        let camera = &self.cameras[layer];
-        let viewport = camera.viewport();
+        let (layer, seen) = self.first_map(moved)?;
+        let viewport = self.cameras[layer].viewport();
         let at = |ndc: f64, from: u32, texels: u32| {
             let texel = ((ndc * 0.5 + 0.5).clamp(0.0, 1.0) * f64::from(texels)) as u32;
             from + texel.min(texels - 1)
@@ -105,14 +100,46 @@ impl ShadowMap<'_> {
         let ndc = seen.truncate() / seen.w;
         let x = at(ndc.x, viewport.x, viewport.width);
         let y = at(-ndc.y, viewport.y, viewport.height);
-        let nearest = f64::from(self.depth[layer][(y * self.width + x) as usize]);
-        let nearer = if camera.background_depth() == 0.0 {
-            nearest > ndc.z + self.depth_step
-        } else {
-            nearest < ndc.z - self.depth_step
-        };
-        if nearer { 0.0 } else { 1.0 }
+        Some(LookUp {
+            layer,
+            depth: ndc.z,
+            nearest: f64::from(self.depth[layer][(y * self.width + x) as usize]),
+        })
     }
+
+    /// Whether something is nearer to the light.
+    pub fn is_hidden(&self, found: &LookUp) -> bool {
+        if self.cameras[found.layer].background_depth() == 0.0 {
+            found.nearest > found.depth + self.depth_step
+        } else {
+            found.nearest < found.depth - self.depth_step
+        }
+    }
+
+    /// Side of a texel where a point is, 0 where no map knows of it.
+    pub fn texel_side(&self, point: DVec3) -> f64 {
+        self.first_map(point)
+            .map_or(0.0, |(layer, own)| texel(&self.cameras[layer]) * own.w)
+    }
+
+    /// Share of a light that arrives at a point of a surface; `side` is the normal on the side of the light.
+    pub fn lit(&self, point: DVec3, side: DVec3) -> f64 {
+        let hidden = self
+            .look_up(point, side)
+            .is_some_and(|f| self.is_hidden(&f));
+        if hidden { 0.0 } else { 1.0 }
+    }
+}
+
+/// What a map says of a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LookUp {
+    /// The map's layer that knows of it.
+    pub layer: usize,
+    /// Of the point.
+    pub depth: f64,
+    /// Of what the light sees there.
+    pub nearest: f64,
 }
 
 /// What one surfel sends. `samples` is a power of two; a surfel without a triangle is lit at its centre alone.

@@ -42,19 +42,24 @@ pub(crate) struct ShadowCameraParams {
     pub(crate) far_depth: f32,
     pub(crate) viewport: [f32; 4],
     pub(crate) texel: f32,
-    pub(crate) padding: [f32; 3],
+    pub(crate) depth_scale: f32,
+    pub(crate) depth_offset: f32,
+    pub(crate) perspective: u32,
 }
 
 impl ShadowCameraParams {
     fn new(camera: &Camera, origin: DVec3) -> Self {
         let viewport = camera.viewport();
+        let [depth_scale, depth_offset] = distances(camera);
         Self {
             clip: clip(camera).as_mat4().to_cols_array_2d(),
             eye: (camera.eye() - origin).as_vec3().to_array(),
             far_depth: camera.background_depth(),
             viewport: [viewport.x, viewport.y, viewport.width, viewport.height].map(|n| n as f32),
             texel: texel(camera) as f32,
-            padding: [0.0; 3],
+            depth_scale: depth_scale as f32,
+            depth_offset: depth_offset as f32,
+            perspective: u32::from(camera.is_perspective()),
         }
     }
 }
@@ -71,6 +76,25 @@ pub(crate) fn texel(camera: &Camera) -> f64 {
     };
     let viewport = camera.viewport();
     side(0, viewport.width).max(side(1, viewport.height))
+}
+
+/// From depth to distance along a camera's axis: scale and offset in `scale / (depth − offset)` of a perspective one, in
+/// `scale · depth + offset` of another.
+pub(crate) fn distances(camera: &Camera) -> [f64; 2] {
+    let projection = camera.projection();
+    let (z, last) = (projection.row(2), projection.row(3));
+    if camera.is_perspective() {
+        // depth = (z.z v + z.w) / (last.z v) of a view-space v.
+        return [z.w / last.z.abs(), z.z / last.z];
+    }
+    // depth = (z.z v + z.w) / last.w, which falls with the distance where it is reversed.
+    let away = if camera.background_depth() == 0.0 {
+        -1.0
+    } else {
+        1.0
+    };
+    let scale = away * (last.w / z.z).abs();
+    [scale, -scale * z.w / last.w]
 }
 
 #[repr(C)]

@@ -5,9 +5,11 @@
 
 use deep_screen_space::{
     Camera, GBuffer, MultiResMask, MultiResMaskInput, MultiResMaskSettings, MultiResView,
-    NormalEncoding, NormalSpace, Viewport,
+    NormalEncoding, NormalSpace, Viewport, WorkList,
     glam::{DMat4, DVec3},
-    reference::{receivers::Decoder, shell_splatter::Receiver},
+    reference::{
+        multi_res_reconstructor::stands_for, receivers::Decoder, shell_splatter::Receiver,
+    },
     scenes::Scene,
     wgpu::{self, TextureFormat as Format},
 };
@@ -217,4 +219,70 @@ pub fn read_list(gpu: &Gpu, view: &MultiResView, level: u32) -> Vec<u32> {
     let work = view.work(level).expect("a level");
     let words: Vec<u32> = gpu.read_buffer(work.pixels);
     words[1..=words[0] as usize].to_vec()
+}
+
+/// The number that a half holds.
+pub fn half_to_f64(bits: u16) -> f64 {
+    let sign = if bits >> 15 == 0 { 1.0 } else { -1.0 };
+    let exponent = i32::from((bits >> 10) & 31);
+    let mantissa = f64::from(bits & 1023) / 1024.0;
+    sign * match exponent {
+        0 => mantissa * 2_f64.powi(-14),
+        31 if mantissa == 0.0 => f64::INFINITY,
+        31 => f64::NAN,
+        _ => (1.0 + mantissa) * 2_f64.powi(exponent - 15),
+    }
+}
+
+/// The texels of a level of an effect's, three channels each whatever its format.
+pub fn read_image(gpu: &Gpu, view: &wgpu::TextureView) -> Vec<DVec3> {
+    if view.texture().format() == Format::R32Float {
+        let texels: Vec<f32> = gpu.read_texture(view.texture(), 0);
+        return texels.iter().map(|&v| DVec3::splat(v.into())).collect();
+    }
+    let texels: Vec<[u16; 4]> = gpu.read_texture(view.texture(), 0);
+    texels
+        .iter()
+        .map(|t| DVec3::new(half_to_f64(t[0]), half_to_f64(t[1]), half_to_f64(t[2])))
+        .collect()
+}
+
+/// An effect's work lists: on every level each listed pixel is, bit by bit, the pixel of the whole image that it stands
+/// for, and what is not listed is left alone. `record` records the effect into a target.
+pub fn check_work(
+    gpu: &Gpu,
+    frame: &Frame,
+    format: Format,
+    record_effect: impl Fn(&mut wgpu::CommandEncoder, Option<WorkList<'_>>, &wgpu::TextureView),
+) {
+    let size = frame.size();
+    let pass = MultiResMask::new(&gpu.device, None).expect("pipelines");
+    let view = record(gpu, &pass, &frame.input(), &MultiResMaskSettings::OCCLUSION);
+    let full = gpu.storage(format, size[0], size[1]);
+    let mut encoder = gpu.encoder();
+    record_effect(&mut encoder, None, &full);
+    gpu.finish(encoder);
+    let full = read_image(gpu, &full);
+    for level in 0..4 {
+        let [width, height] = size.map(|n| n.div_ceil(1 << level));
+        let part = gpu.storage(format, width, height);
+        let mut encoder = gpu.encoder();
+        record_effect(&mut encoder, view.work(level), &part);
+        gpu.finish(encoder);
+        let part = read_image(gpu, &part);
+        let mask = read_mask(gpu, &view, level);
+        let mut listed = 0;
+        for (i, (found, mask)) in (0..).zip(part.iter().zip(mask)) {
+            let pixel = [i % width, i / width];
+            let [x, y] = stands_for(pixel, level, size);
+            if mask > 0.0 {
+                listed += 1;
+                let expected = full[(y * size[0] + x) as usize];
+                assert_eq!(*found, expected, "level {level}, pixel {pixel:?}");
+            } else {
+                assert_eq!(*found, DVec3::ZERO, "level {level}, pixel {pixel:?}");
+            }
+        }
+        assert!(listed > 0, "level {level}");
+    }
 }

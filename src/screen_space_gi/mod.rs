@@ -1,0 +1,157 @@
+//! One bounce of light among what the image shows (Ritschel, Grosch and Seidel, *Approximating Dynamic Global Illumination in
+//! Image Space*, 2009; `wgsl/screen_space_gi.wgsl`).
+
+pub(crate) mod params;
+pub(crate) mod settings;
+
+use wgpu::{
+    BindGroupLayout, BindingType, CommandEncoder, ComputePipeline, Device, PipelineCache,
+    ShaderStages, TextureFormat, TextureUsages, TextureView, TextureViewDimension,
+};
+
+use self::{params::ScreenSpaceGiParams, settings::ScreenSpaceGiSettings};
+use crate::{
+    camera::Camera,
+    error::Error,
+    gbuffer::{GBuffer, check_plain, samples_as_float},
+    gpu::{
+        Kernel, Timestamps,
+        binding::{self, FLOAT_2D, READ, UNIFORM, view, whole},
+        check_timestamps, compute_pass, shader, uniform,
+    },
+    work::{WorkList, check_work, dispatch_work},
+};
+
+pub(crate) const SOURCE: &str = include_str!("../../wgsl/screen_space_gi.wgsl");
+
+const LABEL: &str = "deep-screen-space screen-space gi";
+
+/// Indirect light from a lit colour buffer: of points in the hemisphere over each pixel, those that the depth buffer hides
+/// stand for a sender each, what is seen there, by its form factor.
+///
+/// It knows the image alone: what is hidden, off screen or edge-on sends nothing, nothing casts a shadow, and all senders
+/// of a pixel share one area, which is a guess (3.2 of the paper). For what all surfaces send see
+/// [`BouncedZBuffer`](crate::BouncedZBuffer).
+///
+/// Holds pipelines only; one serves any number of views.
+#[derive(Debug)]
+pub struct ScreenSpaceGi {
+    /// For all pixels, and for those of a list.
+    kernels: [(BindGroupLayout, ComputePipeline); 2],
+}
+
+/// What one recording of [`ScreenSpaceGi`] works on.
+#[derive(Clone, Copy, Debug)]
+pub struct ScreenSpaceGiInput<'a> {
+    /// The G-buffer. Its albedo is not read.
+    pub gbuffer: GBuffer<'a>,
+    /// Its camera.
+    pub camera: &'a Camera,
+    /// Radiance that leaves each pixel's surface, W/(m² sr), linear RGB: any float or unorm format with three components or
+    /// more, usage `TEXTURE_BINDING`, covering the camera's viewport. What is not finite counts as 0.
+    pub lit: &'a TextureView,
+    /// The pixels to compute; `None` for all, at full resolution.
+    pub work: Option<WorkList<'a>>,
+    /// Where irradiance / π goes, what a white surface sends back, 0 for the sky and alpha 1: a texture of the size of the
+    /// work's level (`⌈size / 2^level⌉`) or larger, `Rgba16Float`, usage `STORAGE_BINDING`. Pixels that are not listed are
+    /// left as they are.
+    pub target: &'a TextureView,
+    /// Where to write begin and end times, if anywhere.
+    pub timestamps: Option<Timestamps<'a>>,
+}
+
+impl ScreenSpaceGi {
+    /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`.
+    ///
+    /// # Errors
+    /// None that a device with these limits gives.
+    pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
+        let kernel = |list: bool| -> Result<_, Error> {
+            let mut entries: Vec<(u32, BindingType)> = vec![
+                (0, UNIFORM),
+                (1, FLOAT_2D),
+                (2, FLOAT_2D),
+                (3, FLOAT_2D),
+                (
+                    4,
+                    binding::store(TextureFormat::Rgba16Float, TextureViewDimension::D2),
+                ),
+            ];
+            entries.extend(list.then_some((5, READ)));
+            let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
+            let pipeline = Kernel {
+                label: LABEL,
+                module: &shader::create(device, LABEL, source(list)?),
+                entry: "bounce",
+                layouts: &[&layout],
+                constants: &[],
+                cache,
+            }
+            .create(device);
+            Ok((layout, pipeline))
+        };
+        Ok(Self {
+            kernels: [kernel(false)?, kernel(true)?],
+        })
+    }
+
+    /// Records the bounce.
+    ///
+    /// # Errors
+    /// What [`GBuffer::validate`], [`ScreenSpaceGiSettings::validate`] and [`WorkList::validate`] find; [`Error::Format`],
+    /// [`Error::Size`], [`Error::Shape`] or [`Error::Usage`] for the lit buffer and the target.
+    pub fn record(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        input: &ScreenSpaceGiInput<'_>,
+        settings: &ScreenSpaceGiSettings,
+    ) -> Result<(), Error> {
+        const LIT: &str = "ScreenSpaceGiInput::lit";
+        settings.validate()?;
+        check_timestamps(input.timestamps)?;
+        let viewport = input.camera.viewport();
+        input.gbuffer.validate(viewport)?;
+        check_plain(LIT, input.lit, viewport, TextureUsages::TEXTURE_BINDING)?;
+        let format = input.lit.texture().format();
+        if !samples_as_float(format) || format.components() < 3 {
+            return Err(Error::Format {
+                name: LIT,
+                format,
+                accepted: "a float or unorm format with three components or more",
+            });
+        }
+        let work = input.work.as_ref();
+        let level = check_work(
+            "ScreenSpaceGiInput::target",
+            work,
+            viewport,
+            input.target,
+            TextureFormat::Rgba16Float,
+        )?;
+        let params = uniform(
+            device,
+            LABEL,
+            &ScreenSpaceGiParams::new(input, settings, level),
+        );
+        let mut resources = vec![
+            (0, whole(&params)),
+            (1, view(input.gbuffer.depth)),
+            (2, view(input.gbuffer.normal)),
+            (3, view(input.lit)),
+            (4, view(input.target)),
+        ];
+        resources.extend(work.map(|work| (5, whole(work.pixels))));
+        let (layout, pipeline) = &self.kernels[usize::from(work.is_some())];
+        let group = binding::group(device, LABEL, layout, &resources);
+        let mut pass = compute_pass(encoder, LABEL, input.timestamps);
+        dispatch_work(&mut pass, pipeline, &group, work, viewport);
+        Ok(())
+    }
+}
+
+/// Assembles a module: for all pixels, or for those of a list.
+pub(crate) fn source(list: bool) -> Result<String, Error> {
+    let flags: &[&str] = if list { &["LIST"] } else { &[] };
+    shader::assemble("screen_space_gi", SOURCE, flags, &[])
+}

@@ -1,0 +1,37 @@
+//! What the GPU reads: `Params` of `wgsl/screen_space_gi.wgsl`.
+
+use bytemuck::{Pod, Zeroable};
+use glam::DMat4;
+
+use super::{ScreenSpaceGiInput, settings::ScreenSpaceGiSettings};
+use crate::receivers::ReceiversParams;
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct ScreenSpaceGiParams {
+    pub(crate) gbuffer: ReceiversParams,
+    pub(crate) project: [[f32; 4]; 4],
+    pub(crate) level: u32,
+    pub(crate) samples: u32,
+    pub(crate) turn: u32,
+    pub(crate) radius: f32,
+}
+
+impl ScreenSpaceGiParams {
+    pub fn new(
+        input: &ScreenSpaceGiInput<'_>,
+        settings: &ScreenSpaceGiSettings,
+        level: u32,
+    ) -> Self {
+        let camera = input.camera;
+        let project = camera.projection() * DMat4::from_mat3(camera.rotation());
+        Self {
+            gbuffer: ReceiversParams::new(&input.gbuffer, camera, camera.eye()),
+            project: project.as_mat4().to_cols_array_2d(),
+            level,
+            samples: settings.samples,
+            turn: u32::from(settings.turn),
+            radius: settings.radius,
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! Soft shadows from a shadow map (Fernando, *Percentage-Closer Soft Shadows*, 2005; `wgsl/soft_shadows.wgsl`).
+
+pub(crate) mod params;
+pub(crate) mod settings;
+
+use wgpu::{
+    BindGroupLayout, BindingType, CommandEncoder, ComputePipeline, Device, PipelineCache,
+    ShaderStages, TextureFormat, TextureView, TextureViewDimension,
+};
+
+use self::{params::SoftShadowsParams, settings::SoftShadowsSettings};
+use crate::{
+    camera::Camera,
+    error::Error,
+    gbuffer::GBuffer,
+    gpu::{
+        Kernel, Timestamps,
+        binding::{self, FLOAT_2D, FLOAT_ARRAY, READ, UNIFORM, view, whole},
+        check_timestamps, compute_pass, shader, uniform,
+    },
+    light::Light,
+    surfel_shader::{ShadowMap, params::ShadowParams},
+    work::{WorkList, check_work, dispatch_work},
+};
+
+pub(crate) const SOURCE: &str = include_str!("../../wgsl/soft_shadows.wgsl");
+
+const LABEL: &str = "deep-screen-space soft shadows";
+
+/// The share of a light with an extent that arrives at each pixel, 0…1, from the caller's shadow map: blockers are looked
+/// for around the pixel, their mean distance gives the penumbra's width, and over that width the map is averaged.
+///
+/// It is a picture of one depth: what a blocker hides of blockers behind it counts for nothing, and a penumbra of
+/// several is that of their mean. The cosine of the light's direction and a spot's cone are not in it.
+///
+/// Holds pipelines only; one serves any number of views.
+#[derive(Debug)]
+pub struct SoftShadows {
+    /// For all pixels, and for those of a list.
+    kernels: [(BindGroupLayout, ComputePipeline); 2],
+}
+
+/// What one recording of [`SoftShadows`] works on.
+#[derive(Clone, Copy, Debug)]
+pub struct SoftShadowsInput<'a> {
+    /// The G-buffer. Its albedo is not read.
+    pub gbuffer: GBuffer<'a>,
+    /// Its camera.
+    pub camera: &'a Camera,
+    /// The light. Its colour has no meaning here.
+    pub light: &'a Light,
+    /// Its shadow map, drawn from the light's middle: by perspective cameras at the light's position, or by orthographic
+    /// ones along its direction.
+    pub map: ShadowMap<'a>,
+    /// The pixels to compute; `None` for all, at full resolution.
+    pub work: Option<WorkList<'a>>,
+    /// Where visibility goes, 1 for what is wholly lit and for the sky: a texture of the size of the work's level
+    /// (`⌈size / 2^level⌉`) or larger, `R32Float`, usage `STORAGE_BINDING`. Pixels that are not listed are left as they
+    /// are.
+    pub target: &'a TextureView,
+    /// Where to write begin and end times, if anywhere.
+    pub timestamps: Option<Timestamps<'a>>,
+}
+
+impl SoftShadows {
+    /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`.
+    ///
+    /// # Errors
+    /// None that a device with these limits gives.
+    pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
+        let kernel = |list: bool| -> Result<_, Error> {
+            let mut entries: Vec<(u32, BindingType)> = vec![
+                (0, UNIFORM),
+                (1, FLOAT_2D),
+                (2, FLOAT_2D),
+                (3, UNIFORM),
+                (4, FLOAT_ARRAY),
+                (
+                    5,
+                    binding::store(TextureFormat::R32Float, TextureViewDimension::D2),
+                ),
+            ];
+            entries.extend(list.then_some((6, READ)));
+            let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
+            let pipeline = Kernel {
+                label: LABEL,
+                module: &shader::create(device, LABEL, source(list)?),
+                entry: "soften",
+                layouts: &[&layout],
+                constants: &[],
+                cache,
+            }
+            .create(device);
+            Ok((layout, pipeline))
+        };
+        Ok(Self {
+            kernels: [kernel(false)?, kernel(true)?],
+        })
+    }
+
+    /// Records the shadows of a light.
+    ///
+    /// # Errors
+    /// What [`GBuffer::validate`], [`SoftShadowsSettings::validate`], [`Light::validate`], [`ShadowMap::validate`] and
+    /// [`WorkList::validate`] find; [`Error::Format`], [`Error::Size`], [`Error::Shape`] or [`Error::Usage`] for the target.
+    pub fn record(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        input: &SoftShadowsInput<'_>,
+        settings: &SoftShadowsSettings,
+    ) -> Result<(), Error> {
+        settings.validate()?;
+        check_timestamps(input.timestamps)?;
+        let viewport = input.camera.viewport();
+        input.gbuffer.validate(viewport)?;
+        input.light.validate()?;
+        input.map.validate()?;
+        let work = input.work.as_ref();
+        let level = check_work(
+            "SoftShadowsInput::target",
+            work,
+            viewport,
+            input.target,
+            TextureFormat::R32Float,
+        )?;
+        let params = uniform(
+            device,
+            LABEL,
+            &SoftShadowsParams::new(input, settings, level),
+        );
+        let shadow = uniform(
+            device,
+            LABEL,
+            &ShadowParams::new(&input.map, input.camera.eye()),
+        );
+        let mut resources = vec![
+            (0, whole(&params)),
+            (1, view(input.gbuffer.depth)),
+            (2, view(input.gbuffer.normal)),
+            (3, whole(&shadow)),
+            (4, view(input.map.depth)),
+            (5, view(input.target)),
+        ];
+        resources.extend(work.map(|work| (6, whole(work.pixels))));
+        let (layout, pipeline) = &self.kernels[usize::from(work.is_some())];
+        let group = binding::group(device, LABEL, layout, &resources);
+        let mut pass = compute_pass(encoder, LABEL, input.timestamps);
+        dispatch_work(&mut pass, pipeline, &group, work, viewport);
+        Ok(())
+    }
+}
+
+/// Assembles a module: for all pixels, or for those of a list.
+pub(crate) fn source(list: bool) -> Result<String, Error> {
+    let flags: &[&str] = if list { &["LIST"] } else { &[] };
+    shader::assemble("soft_shadows", SOURCE, flags, &[])
+}

@@ -1,0 +1,87 @@
+// A light's shadow map (src/surfel_shader/mod.rs): depth as seen from the light, by one camera or by several. Points are in the
+// eye space that the cameras' parameters are for.
+//
+// Asks of its importer `shadow`, a uniform Shadow, and `depth_map`, a texture_2d_array<f32>.
+
+struct ShadowCamera {
+  // From a position relative to the camera's eye.
+  clip: mat4x4f,
+  eye: vec3f,
+  // The depth of the background, 0 or 1.
+  far_depth: f32,
+  // x, y, width, height in texels.
+  viewport: vec4f,
+  // Side of a texel, world units for each unit of the clip space's w.
+  texel: f32,
+  // Distance along the camera's axis: scale / (depth - offset) of a perspective one, scale * depth + offset of another.
+  depth_scale: f32,
+  depth_offset: f32,
+  perspective: u32,
+}
+
+struct Shadow {
+  cameras: array<ShadowCamera, 6>,
+  count: u32,
+  // How far a point is moved off its surface, in texels.
+  bias: f32,
+  // How far a stored depth may lie from the true one.
+  depth_step: f32,
+  padding: f32,
+}
+
+// A share of w: two maps that meet share their edge, whatever the rounding.
+const SEAM: f32 = 1e-5;
+
+// A point in the clip space of the first map that knows of it; `layer` is `shadow.count` where none does.
+struct Seen {
+  layer: u32,
+  clip: vec4f,
+}
+
+fn first_map(point: vec3f) -> Seen {
+  for (var layer = 0u; layer < shadow.count; layer++) {
+    let clip = shadow.cameras[layer].clip * vec4f(point - shadow.cameras[layer].eye, 1.0);
+    let bound = clip.w * (1.0 + SEAM);
+    if clip.w > 0.0 && all(abs(clip.xy) <= vec2f(bound)) && clip.z >= 0.0 && clip.z <= clip.w {
+      return Seen(layer, clip);
+    }
+  }
+  return Seen(shadow.count, vec4f(0.0));
+}
+
+// What a map says of a point.
+struct LookUp {
+  // `shadow.count` where no map knows of the point.
+  layer: u32,
+  // Of the point, and of what the light sees there.
+  depth: f32,
+  nearest: f32,
+}
+
+// Of a point of a surface; `side` is the normal on the side of the light.
+fn look_up(point: vec3f, side: vec3f) -> LookUp {
+  let own = first_map(point);
+  if own.layer == shadow.count {
+    return LookUp(shadow.count, 0.0, 0.0);
+  }
+  // Moved by the same way for all maps: between two of them it could else be in neither.
+  let seen = first_map(point + side * (shadow.bias * shadow.cameras[own.layer].texel * own.clip.w));
+  if seen.layer == shadow.count {
+    return LookUp(shadow.count, 0.0, 0.0);
+  }
+  let ndc = seen.clip.xyz / seen.clip.w;
+  let uv = clamp(ndc.xy * vec2f(0.5, -0.5) + 0.5, vec2f(0.0), vec2f(1.0));
+  let viewport = shadow.cameras[seen.layer].viewport;
+  let texel = min(floor(uv * viewport.zw), viewport.zw - 1.0);
+  return LookUp(seen.layer, ndc.z, textureLoad(depth_map, vec2u(viewport.xy + texel), seen.layer, 0).x);
+}
+
+// Whether something is nearer to the light.
+fn is_hidden(found: LookUp) -> bool {
+  if found.layer == shadow.count {
+    return false;
+  }
+  let forward = found.nearest < found.depth - shadow.depth_step;
+  let reversed = found.nearest > found.depth + shadow.depth_step;
+  return select(forward, reversed, shadow.cameras[found.layer].far_depth == 0.0);
+}

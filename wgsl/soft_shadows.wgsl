@@ -1,0 +1,167 @@
+// SoftShadows: the share of a light with an extent that arrives at a pixel, percentage-closer (Fernando 2005, Percentage-
+// Closer Soft Shadows): what blocks the light is looked for around the pixel in the light's shadow map; how far from the
+// pixel it is on average gives the penumbra's width, and over as much of the map the light's visibility is averaged.
+//
+// All points that are looked up lie in the pixel's tangent plane, where a ray from the light meets it: a plane does not
+// shadow itself, however wide the penumbra.
+
+#import surface
+#import hashing
+#import light
+#import directions
+#import shadow_map
+#import work
+
+struct Params {
+  camera: Camera,
+  normals: vec2u,
+  depth_step: f32,
+  depth_relative: f32,
+  light: Light,
+  level: u32,
+  // Points that are looked up for blockers, and for visibility.
+  blockers: u32,
+  samples: u32,
+  // 1 where each pixel's points are turned by an angle of its own.
+  turn: u32,
+  // The light's radius, or the tangent of its angular radius for a directional one.
+  extent: f32,
+  // The widest half width of a penumbra.
+  max_penumbra: f32,
+  padding0: u32,
+  padding1: u32,
+}
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var depth_texture: texture_2d<f32>;
+@group(0) @binding(2) var normal_texture: texture_2d<f32>;
+@group(0) @binding(3) var<uniform> shadow: Shadow;
+@group(0) @binding(4) var depth_map: texture_2d_array<f32>;
+@group(0) @binding(5) var result: texture_storage_2d<r32float, write>;
+#if LIST
+@group(0) @binding(6) var<storage, read> work: array<u32>;
+#endif
+
+// Seen at a lower angle than this slope, points slide along the tangent plane no farther.
+const STEEPEST: f32 = 16.0;
+const GOLDEN_ANGLE: f32 = 2.399963229728653;
+
+// A pixel's surface and the light.
+struct Receiver {
+  point: vec3f,
+  normal: vec3f,
+  arrival: Arrival,
+  // Its third axis points to the light.
+  frame: mat3x3f,
+  turn: f32,
+}
+
+// Points of a spiral in the unit disk: with the exponent 0.5 they cover it evenly (Vogel 1979), with 1 they are denser
+// towards the middle.
+fn spiral(i: u32, count: u32, exponent: f32, turn: f32) -> vec2f {
+  let angle = f32(i) * GOLDEN_ANGLE + turn;
+  return pow((f32(i) + 0.5) / f32(count), exponent) * vec2f(cos(angle), sin(angle));
+}
+
+// The point of the tangent plane that the light's middle sees at an offset across its ray to the pixel.
+fn beside(r: Receiver, offset: vec2f) -> vec3f {
+  let across = r.frame * vec3f(offset, 0.0);
+  var along = -r.arrival.to_light;
+  if params.light.kind != DIRECTIONAL {
+    along = normalize_or(along + across / r.arrival.distance, along);
+  }
+  // The offset is square to the ray: the plane falls off by less than it has slope.
+  let steepness = dot(r.normal, across) / min(dot(r.normal, along), -1e-6);
+  let most = STEEPEST * length(offset);
+  return r.point + across - clamp(steepness, -most, most) * along;
+}
+
+// How far a blocker is from the surface along the light's ray, and 0 where there is none.
+fn gap(r: Receiver, found: LookUp) -> f32 {
+  if !is_hidden(found) {
+    return 0.0;
+  }
+  let camera = shadow.cameras[found.layer];
+  if camera.perspective == 0u {
+    return max(camera.depth_scale * (found.depth - found.nearest), 0.0);
+  }
+  // Distances along the axis relate as those along the ray.
+  let own = camera.depth_scale / (found.depth - camera.depth_offset);
+  let nearest = camera.depth_scale / (found.nearest - camera.depth_offset);
+  let share = clamp(1.0 - nearest / own, 0.0, 1.0);
+  return share * select(own, r.arrival.distance, params.light.kind != DIRECTIONAL);
+}
+
+// Half width of the penumbra that a blocker makes.
+fn penumbra(r: Receiver, gap: f32) -> f32 {
+  if params.light.kind == DIRECTIONAL {
+    return min(params.extent * gap, params.max_penumbra);
+  }
+  return min(params.extent * gap / max(r.arrival.distance - gap, 1e-6 * r.arrival.distance), params.max_penumbra);
+}
+
+// Side of a texel of the map where a point is.
+fn texel_side(point: vec3f) -> f32 {
+  let own = first_map(point);
+  if own.layer == shadow.count {
+    return 0.0;
+  }
+  return shadow.cameras[own.layer].texel * own.clip.w;
+}
+
+fn visibility(r: Receiver) -> f32 {
+  let middle = look_up(r.point, r.normal);
+  if params.extent == 0.0 {
+    return select(1.0, 0.0, is_hidden(middle));
+  }
+  var total = gap(r, middle);
+  var count = select(0.0, 1.0, is_hidden(middle));
+  for (var i = 0u; i < params.blockers; i++) {
+    // Most penumbrae are far narrower than the widest.
+    let offset = params.max_penumbra * spiral(i, params.blockers, 1.0, r.turn);
+    let found = gap(r, look_up(beside(r, offset), r.normal));
+    // Only what lies between the surface and some of the light.
+    if found > 0.0 && length(offset) <= penumbra(r, found) {
+      total += found;
+      count += 1.0;
+    }
+  }
+  if count == 0.0 {
+    return 1.0;
+  }
+  // What is narrower than a texel is the map's own edge.
+  let width = max(penumbra(r, total / count), texel_side(r.point));
+  var visible = 0.0;
+  for (var i = 0u; i < params.samples; i++) {
+    let offset = width * spiral(i, params.samples, 0.5, r.turn);
+    visible += select(1.0, 0.0, is_hidden(look_up(beside(r, offset), r.normal)));
+  }
+  return visible / f32(params.samples);
+}
+
+fn value_of(pixel: vec2u) -> f32 {
+  let surface = surface_at(pixel);
+  if surface.sky {
+    return 1.0;
+  }
+  let arrival = light_at(params.light, surface.position);
+  // A surface that faces away shadows itself.
+  if dot(surface.normal, arrival.to_light) <= 0.0 {
+    return 0.0;
+  }
+  let noise = 2.0 * PI * unit_float(hash2(pixel.x, pixel.y));
+  let turn = select(0.0, noise, params.turn != 0u);
+  return visibility(Receiver(surface.position, surface.normal, arrival, tangent_frame(arrival.to_light), turn));
+}
+
+@compute @workgroup_size(8, 8)
+fn soften(
+  @builtin(workgroup_id) group: vec3u,
+  @builtin(num_workgroups) groups: vec3u,
+  @builtin(local_invocation_index) index: u32,
+) {
+  let item = work_item(group, groups, index);
+  if item.valid {
+    textureStore(result, item.texel, vec4f(value_of(item.pixel), 0.0, 0.0, 0.0));
+  }
+}
