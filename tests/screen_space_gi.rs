@@ -223,7 +223,7 @@ fn a_wall_lights_the_floor() {
             compared += 1;
             ratios.push(found.x / expected);
             assert!(
-                (0.0 * expected..99. * expected).contains(&found.x),
+                (0.5 * expected..2.0 * expected).contains(&found.x),
                 "pixel {i} at {distance}: {}, {expected}",
                 found.x
             );
@@ -231,8 +231,12 @@ fn a_wall_lights_the_floor() {
     }
     let mean = ratios.iter().sum::<f64>() / f64::from(compared);
     let range = |f: fn(f64, f64) -> f64| ratios.iter().copied().fold(mean, f);
-    println!("{compared} pixels: {mean:.2} of the truth, {:.2} to {:.2}", range(f64::min), range(f64::max));
-    assert!(compared > 50, "{compared}");
+    println!(
+        "{compared} pixels: {mean:.2} of the truth, {:.2} to {:.2}",
+        range(f64::min),
+        range(f64::max)
+    );
+    assert!(compared >= 40, "{compared}");
     // Linear in the light, and nothing comes of nothing.
     let twice = corner(&gpu, &camera, 2.0 * color).record(&gpu, &pass, &settings);
     for (i, (one, two)) in found.iter().zip(&twice).enumerate() {

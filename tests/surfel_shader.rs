@@ -12,7 +12,7 @@ use deep_screen_space::{
     Piece, Placement, ShadedLight, Shadow, ShadowMap, Surfel, SurfelCloud, SurfelCounts,
     SurfelRadiance, SurfelShader, SurfelShaderInput, SurfelShaderSettings, SurfelSource,
     Surfelizer, SurfelizerInput, SurfelizerSettings, Timestamps, Viewport,
-    glam::{DMat4, DVec3, Mat4},
+    glam::{DMat4, DVec3},
     reference::{self, packing::unpack_normal, surfel_shader as mirror, trace::Tracer},
     scenes::{self, Part, Scene},
     wgpu,
@@ -22,6 +22,7 @@ use support::{
     gpu::{Ask, Gpu},
     raster::perspective,
     scene::SceneBuffers,
+    shadow,
 };
 
 const ALBEDO: [f32; 3] = [0.2, 0.5, 1.0];
@@ -310,15 +311,6 @@ fn cube(eye: DVec3, texels: u32, near: f64) -> Vec<Camera> {
         .collect()
 }
 
-const DEPTH_SHADER: &str = "
-struct View { clip: mat4x4f, eye: vec4f }
-@group(0) @binding(0) var<uniform> view: View;
-@vertex
-fn vertex(@location(0) position: vec3f) -> @builtin(position) vec4f {
-  return view.clip * vec4f(position - view.eye.xyz, 1.0);
-}
-";
-
 /// A shadow map, and its texels where they can be read.
 struct DepthMap {
     view: wgpu::TextureView,
@@ -336,124 +328,7 @@ impl DepthMap {
         size: u32,
         format: wgpu::TextureFormat,
     ) -> Self {
-        let device = &gpu.device;
-        let buffers = SceneBuffers::new(gpu, scene);
-        let texture = device.create_texture(&wgpu::TextureDescriptor {
-            label: None,
-            size: wgpu::Extent3d {
-                width: size,
-                height: size,
-                depth_or_array_layers: cameras.len() as u32,
-            },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT
-                | wgpu::TextureUsages::TEXTURE_BINDING
-                | wgpu::TextureUsages::COPY_SRC,
-            view_formats: &[],
-        });
-        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: None,
-            entries: &[wgpu::BindGroupLayoutEntry {
-                binding: 0,
-                visibility: wgpu::ShaderStages::VERTEX,
-                ty: wgpu::BindingType::Buffer {
-                    ty: wgpu::BufferBindingType::Uniform,
-                    has_dynamic_offset: false,
-                    min_binding_size: None,
-                },
-                count: None,
-            }],
-        });
-        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: None,
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: 0,
-        });
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: None,
-            source: wgpu::ShaderSource::Wgsl(DEPTH_SHADER.into()),
-        });
-        let mut encoder = gpu.encoder();
-        for (layer, camera) in cameras.iter().enumerate() {
-            let reversed = camera.background_depth() == 0.0;
-            let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-                label: None,
-                layout: Some(&pipeline_layout),
-                vertex: wgpu::VertexState {
-                    module: &module,
-                    entry_point: Some("vertex"),
-                    compilation_options: wgpu::PipelineCompilationOptions::default(),
-                    buffers: &[Some(wgpu::VertexBufferLayout {
-                        array_stride: 12,
-                        step_mode: wgpu::VertexStepMode::Vertex,
-                        attributes: &[wgpu::VertexAttribute {
-                            format: wgpu::VertexFormat::Float32x3,
-                            offset: 0,
-                            shader_location: 0,
-                        }],
-                    })],
-                },
-                primitive: wgpu::PrimitiveState::default(),
-                depth_stencil: Some(wgpu::DepthStencilState {
-                    format,
-                    depth_write_enabled: Some(true),
-                    depth_compare: Some(if reversed {
-                        wgpu::CompareFunction::Greater
-                    } else {
-                        wgpu::CompareFunction::Less
-                    }),
-                    stencil: wgpu::StencilState::default(),
-                    bias: wgpu::DepthBiasState::default(),
-                }),
-                multisample: wgpu::MultisampleState::default(),
-                fragment: None,
-                multiview_mask: None,
-                cache: None,
-            });
-            let clip: Mat4 = (camera.projection() * DMat4::from_mat3(camera.rotation())).as_mat4();
-            let mut uniform = clip.to_cols_array().to_vec();
-            uniform.extend(camera.eye().as_vec3().extend(0.0).to_array());
-            let uniform = gpu.buffer(&uniform, wgpu::BufferUsages::UNIFORM);
-            let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: None,
-                layout: &layout,
-                entries: &[wgpu::BindGroupEntry {
-                    binding: 0,
-                    resource: uniform.as_entire_binding(),
-                }],
-            });
-            let target = texture.create_view(&wgpu::TextureViewDescriptor {
-                dimension: Some(wgpu::TextureViewDimension::D2),
-                base_array_layer: layer as u32,
-                array_layer_count: Some(1),
-                ..Default::default()
-            });
-            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                label: None,
-                color_attachments: &[],
-                depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                    view: &target,
-                    depth_ops: Some(wgpu::Operations {
-                        load: wgpu::LoadOp::Clear(camera.background_depth()),
-                        store: wgpu::StoreOp::Store,
-                    }),
-                    stencil_ops: None,
-                }),
-                ..Default::default()
-            });
-            let v = camera.viewport();
-            let [x, y, width, height] = [v.x, v.y, v.width, v.height].map(|n| n as f32);
-            pass.set_viewport(x, y, width, height, 0.0, 1.0);
-            pass.set_pipeline(&pipeline);
-            pass.set_bind_group(0, &group, &[]);
-            pass.set_vertex_buffer(0, buffers.positions.slice(..));
-            pass.set_index_buffer(buffers.indices.slice(..), wgpu::IndexFormat::Uint32);
-            pass.draw_indexed(0..buffers.index_count, 0, 0..1);
-        }
-        gpu.finish(encoder);
+        let texture = shadow::draw(gpu, &SceneBuffers::new(gpu, scene), cameras, size, format);
         let layers = 0..cameras.len() as u32;
         let (depth, step) = match format {
             wgpu::TextureFormat::Depth32Float => {
@@ -472,10 +347,7 @@ impl DepthMap {
             _ => (Vec::new(), 0.0),
         };
         Self {
-            view: texture.create_view(&wgpu::TextureViewDescriptor {
-                dimension: Some(wgpu::TextureViewDimension::D2Array),
-                ..Default::default()
-            }),
+            view: shadow::view(&texture),
             size,
             depth,
             step,

@@ -7,6 +7,8 @@ pub mod ambient_occlusion;
 pub mod bounced;
 pub mod files;
 pub mod gpu;
+pub mod multires;
 pub mod presets;
 pub mod raster;
 pub mod scene;
+pub mod shadow;

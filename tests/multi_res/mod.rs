@@ -16,8 +16,17 @@ use deep_screen_space::{
 
 use crate::{
     shot::{Shot, camera_of},
-    support::gpu::Gpu,
+    support::{gpu::Gpu, multires},
 };
+
+/// The texels of a level of an effect's, three channels each whatever its format.
+pub fn read_image(gpu: &Gpu, view: &wgpu::TextureView) -> Vec<DVec3> {
+    let texels = multires::read_image(gpu, view);
+    texels
+        .iter()
+        .map(|t| DVec3::from(t.map(f64::from)))
+        .collect()
+}
 
 /// A number of 0…1 of its arguments.
 pub fn random(a: u32, b: u32) -> f64 {
@@ -219,32 +228,6 @@ pub fn read_list(gpu: &Gpu, view: &MultiResView, level: u32) -> Vec<u32> {
     let work = view.work(level).expect("a level");
     let words: Vec<u32> = gpu.read_buffer(work.pixels);
     words[1..=words[0] as usize].to_vec()
-}
-
-/// The number that a half holds.
-pub fn half_to_f64(bits: u16) -> f64 {
-    let sign = if bits >> 15 == 0 { 1.0 } else { -1.0 };
-    let exponent = i32::from((bits >> 10) & 31);
-    let mantissa = f64::from(bits & 1023) / 1024.0;
-    sign * match exponent {
-        0 => mantissa * 2_f64.powi(-14),
-        31 if mantissa == 0.0 => f64::INFINITY,
-        31 => f64::NAN,
-        _ => (1.0 + mantissa) * 2_f64.powi(exponent - 15),
-    }
-}
-
-/// The texels of a level of an effect's, three channels each whatever its format.
-pub fn read_image(gpu: &Gpu, view: &wgpu::TextureView) -> Vec<DVec3> {
-    if view.texture().format() == Format::R32Float {
-        let texels: Vec<f32> = gpu.read_texture(view.texture(), 0);
-        return texels.iter().map(|&v| DVec3::splat(v.into())).collect();
-    }
-    let texels: Vec<[u16; 4]> = gpu.read_texture(view.texture(), 0);
-    texels
-        .iter()
-        .map(|t| DVec3::new(half_to_f64(t[0]), half_to_f64(t[1]), half_to_f64(t[2])))
-        .collect()
 }
 
 /// An effect's work lists: on every level each listed pixel is, bit by bit, the pixel of the whole image that it stands

@@ -1,0 +1,509 @@
+//! Effects over a whole image, and over the sub-images of a multi-resolution mask: what the bench times and the example shows.
+
+use deep_screen_space::{
+    Camera, Channels, Error, Light, MultiResMask, MultiResMaskInput, MultiResMaskSettings,
+    MultiResReconstructor, MultiResReconstructorInput, MultiResReconstructorSettings, MultiResView,
+    ScreenSpaceGi, ScreenSpaceGiInput, ScreenSpaceGiSettings, ShadowMap, SoftShadows,
+    SoftShadowsInput, SoftShadowsSettings, SubImages, Viewport, WorkList,
+    glam::{DMat4, DVec3},
+    scenes::Scene,
+    wgpu::{self, TextureFormat, TextureView},
+};
+
+use super::{
+    gpu::Gpu,
+    raster::{self, Raster},
+    scene::SceneBuffers,
+    shadow,
+};
+
+/// What is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effect {
+    /// Soft shadows of one light.
+    Shadow,
+    /// Screen-space indirect light.
+    Indirect,
+}
+
+impl Effect {
+    pub const ALL: [Self; 2] = [Self::Shadow, Self::Indirect];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Shadow => "shadow",
+            Self::Indirect => "ssgi",
+        }
+    }
+
+    pub fn by_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|effect| effect.name() == name)
+    }
+
+    /// As many as the paper has.
+    pub fn samples(self) -> u32 {
+        match self {
+            Self::Shadow => 196,
+            Self::Indirect => 288,
+        }
+    }
+
+    /// The paper's levels for it.
+    pub fn mask(self) -> MultiResMaskSettings {
+        match self {
+            Self::Shadow => MultiResMaskSettings::SHADOW,
+            Self::Indirect => MultiResMaskSettings::INDIRECT,
+        }
+    }
+
+    pub fn channels(self) -> Channels {
+        match self {
+            Self::Shadow => Channels::One,
+            Self::Indirect => Channels::Three,
+        }
+    }
+
+    /// Format of what it writes.
+    pub fn format(self) -> TextureFormat {
+        match self {
+            Self::Shadow => TextureFormat::R32Float,
+            Self::Indirect => TextureFormat::Rgba16Float,
+        }
+    }
+}
+
+/// Texels of a side of the shadow map's faces.
+const MAP: u32 = 1024;
+
+/// Radiance that leaves each pixel: what it reflects of the light, and of a little light from everywhere.
+const LIT: &str = "
+struct View { relative_from_clip: mat4x4f, light: vec4f }
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var depth: texture_2d<f32>;
+@group(0) @binding(2) var normal: texture_2d<f32>;
+@group(0) @binding(3) var albedo: texture_2d<f32>;
+@group(0) @binding(4) var visible: texture_2d<f32>;
+@group(0) @binding(5) var lit: texture_storage_2d<rgba16float, write>;
+@compute @workgroup_size(8, 8)
+fn light(@builtin(global_invocation_id) id: vec3u) {
+  let size = textureDimensions(lit);
+  if any(id.xy >= size) { return; }
+  let ndc = (vec2f(id.xy) + 0.5) / vec2f(size) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
+  let at = textureLoad(depth, id.xy, 0).x;
+  let h = view.relative_from_clip * vec4f(ndc, at, 1.0);
+  var radiance = vec3f(0.0);
+  if at > 0.0 {
+    let to_light = normalize(view.light.xyz - h.xyz / h.w);
+    let direct = max(dot(textureLoad(normal, id.xy, 0).xyz, to_light), 0.0) * textureLoad(visible, id.xy, 0).x;
+    radiance = textureLoad(albedo, id.xy, 0).xyz * (0.9 * direct + 0.1);
+  }
+  textureStore(lit, id.xy, vec4f(radiance, 1.0));
+}
+";
+
+/// A view of a scene: its G-buffer, a light beside the camera with its shadow map, and what is lit by it.
+pub struct Stage<'g> {
+    pub gpu: &'g Gpu,
+    pub camera: Camera,
+    pub drawn: Raster,
+    pub light: Light,
+    cameras: Vec<Camera>,
+    map: TextureView,
+    pub lit: TextureView,
+    /// How far the effects reach, world units.
+    reach: f32,
+}
+
+impl<'g> Stage<'g> {
+    /// `view` is one of the scene's own.
+    pub fn new(
+        gpu: &'g Gpu,
+        passes: &Passes,
+        scene: &Scene,
+        view: usize,
+        [width, height]: [u32; 2],
+    ) -> Result<Self, Error> {
+        let view = &scene.views[view];
+        let camera = Camera::look_at(
+            view.eye.into(),
+            view.target.into(),
+            view.up.into(),
+            raster::perspective(
+                view.vertical_fov_degrees,
+                f64::from(width) / f64::from(height),
+                view.near,
+            ),
+            Viewport::full(width, height),
+        )?;
+        let buffers = SceneBuffers::new(gpu, scene);
+        let along = DVec3::from(view.target) - DVec3::from(view.eye);
+        let right = along.cross(view.up.into()).normalize_or_zero();
+        let position = camera.eye() + 0.12 * along.length() * (right + DVec3::from(view.up));
+        let cameras = cube(position, 0.05 * view.near.max(0.01))?;
+        let map = shadow::draw(gpu, &buffers, &cameras, MAP, TextureFormat::Depth32Float);
+        let mut stage = Self {
+            gpu,
+            drawn: Raster::draw(gpu, &buffers, &camera),
+            camera,
+            light: Light::Point {
+                position,
+                intensity: [1.0; 3],
+            },
+            cameras,
+            map: shadow::view(&map),
+            lit: gpu.storage(TextureFormat::Rgba16Float, width, height),
+            reach: scene.ao_radius,
+        };
+        stage.illuminate(passes, position)?;
+        Ok(stage)
+    }
+
+    /// Fills `lit`.
+    fn illuminate(&mut self, passes: &Passes, light: DVec3) -> Result<(), Error> {
+        let gpu = self.gpu;
+        let [width, height] = self.size();
+        let visible = gpu.storage(TextureFormat::R32Float, width, height);
+        let mut encoder = gpu.encoder();
+        passes.record_hard_shadows(self, &mut encoder, &visible)?;
+        let clip = self.camera.projection() * DMat4::from_mat3(self.camera.rotation());
+        let mut uniform = clip.inverse().as_mat4().to_cols_array().to_vec();
+        let relative = light - self.camera.eye();
+        uniform.extend(relative.as_vec3().extend(0.0).to_array());
+        let uniform = gpu.buffer(&uniform, wgpu::BufferUsages::UNIFORM);
+        let device = &gpu.device;
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("lit"),
+            source: wgpu::ShaderSource::Wgsl(LIT.into()),
+        });
+        let drawn = &self.drawn;
+        let textures = [
+            &drawn.depth,
+            &drawn.normal,
+            &drawn.albedo,
+            &visible,
+            &self.lit,
+        ];
+        let sampled = wgpu::BindingType::Texture {
+            sample_type: wgpu::TextureSampleType::Float { filterable: false },
+            view_dimension: wgpu::TextureViewDimension::D2,
+            multisampled: false,
+        };
+        let written = wgpu::BindingType::StorageTexture {
+            access: wgpu::StorageTextureAccess::WriteOnly,
+            format: TextureFormat::Rgba16Float,
+            view_dimension: wgpu::TextureViewDimension::D2,
+        };
+        let read = wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Uniform,
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        };
+        let types = [read, sampled, sampled, sampled, sampled, written];
+        let entries: Vec<_> = (0..)
+            .zip(types)
+            .map(|(binding, ty)| wgpu::BindGroupLayoutEntry {
+                binding,
+                visibility: wgpu::ShaderStages::COMPUTE,
+                ty,
+                count: None,
+            })
+            .collect();
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: None,
+            entries: &entries,
+        });
+        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: None,
+            bind_group_layouts: &[Some(&layout)],
+            immediate_size: 0,
+        });
+        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some("lit"),
+            layout: Some(&pipeline_layout),
+            module: &module,
+            entry_point: Some("light"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        let mut entries = vec![wgpu::BindGroupEntry {
+            binding: 0,
+            resource: uniform.as_entire_binding(),
+        }];
+        entries.extend(
+            (1..)
+                .zip(textures)
+                .map(|(binding, view)| wgpu::BindGroupEntry {
+                    binding,
+                    resource: wgpu::BindingResource::TextureView(view),
+                }),
+        );
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &layout,
+            entries: &entries,
+        });
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), 1);
+        drop(pass);
+        gpu.finish(encoder);
+        Ok(())
+    }
+
+    pub fn size(&self) -> [u32; 2] {
+        let viewport = self.camera.viewport();
+        [viewport.width, viewport.height]
+    }
+}
+
+/// Six faces about a point.
+fn cube(eye: DVec3, near: f64) -> Result<Vec<Camera>, Error> {
+    [DVec3::X, DVec3::Y, DVec3::Z]
+        .into_iter()
+        .flat_map(|axis| [axis, -axis])
+        .map(|axis| {
+            let up = if axis.y == 0.0 { DVec3::Y } else { DVec3::Z };
+            let projection = raster::perspective(90.0, 1.0, near);
+            Camera::look_at(eye, eye + axis, up, projection, Viewport::full(MAP, MAP))
+        })
+        .collect()
+}
+
+/// The pipelines of all effects, and of the masks.
+pub struct Passes {
+    mask: MultiResMask,
+    shadows: SoftShadows,
+    indirect: ScreenSpaceGi,
+}
+
+impl Passes {
+    pub fn new(device: &wgpu::Device) -> Result<Self, Error> {
+        Ok(Self {
+            mask: MultiResMask::new(device, None)?,
+            shadows: SoftShadows::new(device, None)?,
+            indirect: ScreenSpaceGi::new(device, None)?,
+        })
+    }
+
+    /// An effect with `samples` a pixel, for all pixels or those of a list.
+    pub fn record(
+        &self,
+        stage: &Stage<'_>,
+        encoder: &mut wgpu::CommandEncoder,
+        (effect, samples): (Effect, u32),
+        work: Option<WorkList<'_>>,
+        target: &TextureView,
+    ) -> Result<(), Error> {
+        let device = &stage.gpu.device;
+        match effect {
+            Effect::Shadow => {
+                let settings = SoftShadowsSettings {
+                    extent: 0.1 * stage.reach,
+                    max_penumbra: 0.25 * stage.reach,
+                    samples,
+                    ..Default::default()
+                };
+                self.record_shadows(stage, encoder, &settings, work, target)
+            }
+            Effect::Indirect => self.indirect.record(
+                device,
+                encoder,
+                &ScreenSpaceGiInput {
+                    gbuffer: stage.drawn.gbuffer(),
+                    camera: &stage.camera,
+                    lit: &stage.lit,
+                    work,
+                    target,
+                    timestamps: None,
+                },
+                &ScreenSpaceGiSettings {
+                    radius: stage.reach,
+                    samples,
+                    turn: false,
+                },
+            ),
+        }
+    }
+
+    fn record_shadows(
+        &self,
+        stage: &Stage<'_>,
+        encoder: &mut wgpu::CommandEncoder,
+        settings: &SoftShadowsSettings,
+        work: Option<WorkList<'_>>,
+        target: &TextureView,
+    ) -> Result<(), Error> {
+        self.shadows.record(
+            &stage.gpu.device,
+            encoder,
+            &SoftShadowsInput {
+                gbuffer: stage.drawn.gbuffer(),
+                camera: &stage.camera,
+                light: &stage.light,
+                map: ShadowMap::new(&stage.map, &stage.cameras),
+                work,
+                target,
+                timestamps: None,
+            },
+            settings,
+        )
+    }
+
+    /// One look-up a pixel.
+    fn record_hard_shadows(
+        &self,
+        stage: &Stage<'_>,
+        encoder: &mut wgpu::CommandEncoder,
+        target: &TextureView,
+    ) -> Result<(), Error> {
+        self.record_shadows(stage, encoder, &SoftShadowsSettings::hard(), None, target)
+    }
+}
+
+/// An effect by sub-images: the masks, the sub-images and their blend.
+pub struct Masked {
+    effect: Effect,
+    settings: MultiResMaskSettings,
+    pub masks: MultiResView,
+    pub images: SubImages,
+    blend: MultiResReconstructor,
+    /// Hard shadows, for masks that know of them.
+    hard: TextureView,
+    /// The blended image: `R32Float` or `Rgba16Float`.
+    pub target: TextureView,
+}
+
+impl Masked {
+    pub fn new(
+        gpu: &Gpu,
+        passes: &Passes,
+        effect: Effect,
+        settings: MultiResMaskSettings,
+        [width, height]: [u32; 2],
+    ) -> Result<Self, Error> {
+        let device = &gpu.device;
+        let blend = MultiResReconstructor::new(device, effect.channels(), effect.format(), None)?;
+        Ok(Self {
+            effect,
+            settings,
+            masks: passes.mask.create_view(device, width, height, false)?,
+            images: blend.create_images(device, width, height, &settings)?,
+            blend,
+            hard: gpu.storage(TextureFormat::R32Float, width, height),
+            target: gpu.target(effect.format(), width, height),
+        })
+    }
+
+    /// The masks, with what they need.
+    pub fn record_masks(
+        &mut self,
+        passes: &Passes,
+        stage: &Stage<'_>,
+        encoder: &mut wgpu::CommandEncoder,
+    ) -> Result<(), Error> {
+        let is_shadow = self.effect == Effect::Shadow;
+        if is_shadow {
+            passes.record_hard_shadows(stage, encoder, &self.hard)?;
+        }
+        passes.mask.record(
+            &stage.gpu.device,
+            encoder,
+            &MultiResMaskInput {
+                gbuffer: stage.drawn.gbuffer(),
+                camera: &stage.camera,
+                shading: is_shadow.then_some(&self.hard),
+                edges: None,
+                importance: None,
+                timestamps: None,
+            },
+            &self.settings,
+            &mut self.masks,
+        )
+    }
+
+    /// The sub-images, of the masks that were recorded.
+    pub fn record_images(
+        &self,
+        passes: &Passes,
+        stage: &Stage<'_>,
+        encoder: &mut wgpu::CommandEncoder,
+        samples: u32,
+    ) -> Result<(), Error> {
+        for work in self.masks.works() {
+            let Some(image) = self.images.level(work.level) else {
+                continue;
+            };
+            passes.record(stage, encoder, (self.effect, samples), Some(work), image)?;
+        }
+        Ok(())
+    }
+
+    /// The image of the sub-images.
+    pub fn record_blend(
+        &self,
+        stage: &Stage<'_>,
+        encoder: &mut wgpu::CommandEncoder,
+    ) -> Result<(), Error> {
+        self.blend.record(
+            &stage.gpu.device,
+            encoder,
+            &MultiResReconstructorInput {
+                gbuffer: stage.drawn.gbuffer(),
+                camera: &stage.camera,
+                masks: &self.masks,
+                images: &self.images,
+                target: &self.target,
+                timestamps: None,
+            },
+            &MultiResReconstructorSettings::default(),
+        )
+    }
+
+    /// How many pixels each level computes; 0 where there is no such level.
+    pub fn counts(&self, gpu: &Gpu) -> [u32; 4] {
+        [0, 1, 2, 3].map(|level| {
+            self.masks.work(level).map_or(0, |work| {
+                let words: Vec<u32> = gpu.read_buffer(work.pixels);
+                words[0]
+            })
+        })
+    }
+}
+
+/// The texels of an image of either format, rows from the top: three channels each.
+pub fn read_image(gpu: &Gpu, view: &TextureView) -> Vec<[f32; 3]> {
+    if view.texture().format() == TextureFormat::R32Float {
+        let texels: Vec<f32> = gpu.read_texture(view.texture(), 0);
+        return texels.into_iter().map(|v| [v; 3]).collect();
+    }
+    let texels: Vec<[u16; 4]> = gpu.read_texture(view.texture(), 0);
+    texels
+        .into_iter()
+        .map(|[r, g, b, _]| [r, g, b].map(half_to_f32))
+        .collect()
+}
+
+/// The number that a half holds.
+pub fn half_to_f32(bits: u16) -> f32 {
+    let sign = if bits >> 15 == 0 { 1.0 } else { -1.0 };
+    let exponent = i32::from((bits >> 10) & 31);
+    let mantissa = f32::from(bits & 1023) / 1024.0;
+    sign * match exponent {
+        0 => mantissa * 2_f32.powi(-14),
+        31 if mantissa == 0.0 => f32::INFINITY,
+        31 => f32::NAN,
+        _ => (1.0 + mantissa) * 2_f32.powi(exponent - 15),
+    }
+}
+
+/// Root of the mean squared difference over all texels and channels.
+pub fn rmse(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
+    let square: f64 = a
+        .iter()
+        .flatten()
+        .zip(b.iter().flatten())
+        .map(|(a, b)| f64::from(a - b).powi(2))
+        .sum();
+    (square / (3 * a.len().max(1)) as f64).sqrt()
+}
