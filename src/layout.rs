@@ -121,7 +121,7 @@ fn structs_match_the_shaders() {
         check(&ao, &shader, "Params", &level, size_of::<LevelParams>());
     }
     let blend = after(
-        &fields!(MultiResReconstructorParams: weights, levels, coarsest, plane_distance, normal_power),
+        &fields!(MultiResReconstructorParams: weights, levels, coarsest, plane_distance, normal_power, alike),
     );
     for shader in ["multi_res_reconstructor", "multi_res_reconstructor color"] {
         check(

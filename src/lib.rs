@@ -13,6 +13,9 @@
 //! * [`BouncedZBuffer`] in place of the splatter, where it matters what hides what: what each pixel meets first along N
 //!   directions of its own, exactly. Its noise falls with N, and nothing else is approximate.
 //! * [`HitReconstructor`]: ambient visibility, or one bounce of diffuse or glossy light, from those hits and the neighbours'.
+//! * [`MultiResMask`] and [`MultiResReconstructor`]: an effect at the resolution that each part of the image needs, and
+//!   [`SoftShadows`] and [`ScreenSpaceGi`], which can be computed so (Besenthal, Maisch and Ropinski, *Multi-Resolution
+//!   Rendering for Computationally Expensive Lighting Effects*, 2019).
 //! * [`TemporalAccumulator`], if the caller likes: the mean of the picture over frames. Without it no state survives a
 //!   frame.
 //!

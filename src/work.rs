@@ -15,7 +15,7 @@ use crate::{
 /// Sub-images that there can be: 1, 1/2, 1/4 and 1/8 of the image's width and height.
 pub(crate) const LEVELS: u32 = 4;
 
-/// Pixels of a sub-image to compute, listed on the GPU.
+/// Pixels of a sub-image to compute, listed on the GPU; [`MultiResMask`](crate::MultiResMask) makes such lists.
 ///
 /// Level l has `⌈width / 2^l⌉ × ⌈height / 2^l⌉` pixels. Its pixel (x, y) stands for pixel
 /// `min(2^l (x, y) + ⌊2^l / 2⌋, size − 1)` of the viewport: an effect reads the whole G-buffer there and computes exactly what

@@ -30,6 +30,38 @@ struct Wired<'g> {
     mask: MultiResMask,
     blend: MultiResReconstructor,
     channels: Channels,
+    /// Copies a texture to a storage texture of the channels.
+    fill: wgpu::ComputePipeline,
+}
+
+fn fill_pipeline(device: &wgpu::Device, channels: Channels) -> wgpu::ComputePipeline {
+    let name = match channels {
+        Channels::One => "r32float",
+        Channels::Three => "rgba16float",
+    };
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Wgsl(
+            format!(
+                "@group(0) @binding(0) var given: texture_2d<f32>;
+@group(0) @binding(1) var result: texture_storage_2d<{name}, write>;
+@compute @workgroup_size(8, 8) fn fill(@builtin(global_invocation_id) id: vec3u) {{
+  if all(id.xy < textureDimensions(result)) {{
+textureStore(result, id.xy, textureLoad(given, id.xy, 0));
+  }}
+}}"
+            )
+            .into(),
+        ),
+    });
+    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: None,
+        layout: None,
+        module: &module,
+        entry_point: Some("fill"),
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    })
 }
 
 impl<'g> Wired<'g> {
@@ -40,6 +72,7 @@ impl<'g> Wired<'g> {
             blend: MultiResReconstructor::new(&gpu.device, channels, Format::Rgba32Float, None)
                 .expect("a pipeline"),
             channels,
+            fill: fill_pipeline(&gpu.device, channels),
         }
     }
 
@@ -97,39 +130,12 @@ impl<'g> Wired<'g> {
         height: u32,
         texels: &[T],
     ) {
-        let format = view.texture().format();
-        let name = match format {
-            Format::R32Float => "r32float",
-            _ => "rgba16float",
-        };
         let device = &self.gpu.device;
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: None,
-            source: wgpu::ShaderSource::Wgsl(
-                format!(
-                    "@group(0) @binding(0) var given: texture_2d<f32>;
-@group(0) @binding(1) var result: texture_storage_2d<{name}, write>;
-@compute @workgroup_size(8, 8) fn fill(@builtin(global_invocation_id) id: vec3u) {{
-  if all(id.xy < textureDimensions(result)) {{
-    textureStore(result, id.xy, textureLoad(given, id.xy, 0));
-  }}
-}}"
-                )
-                .into(),
-            ),
-        });
-        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: None,
-            layout: None,
-            module: &module,
-            entry_point: Some("fill"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
+        let format = view.texture().format();
         let given = self.gpu.texture(format, width, height, texels);
         let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,
-            layout: &pipeline.get_bind_group_layout(0),
+            layout: &self.fill.get_bind_group_layout(0),
             entries: &[
                 wgpu::BindGroupEntry {
                     binding: 0,
@@ -143,7 +149,7 @@ impl<'g> Wired<'g> {
         });
         let mut encoder = self.gpu.encoder();
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        pass.set_pipeline(&pipeline);
+        pass.set_pipeline(&self.fill);
         pass.set_bind_group(0, &group, &[]);
         pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), 1);
         drop(pass);
@@ -217,7 +223,7 @@ fn gpu_is_its_mirror() {
     let gpu = gpu();
     for channels in [Channels::One, Channels::Three] {
         let wired = Wired::new(&gpu, channels);
-        for (name, size) in [("cornell", [96, 64]), ("dominoes", [77, 51])] {
+        for (name, size) in [("cornell", [96, 64]), ("colonnade", [77, 51])] {
             let scene = scenes::by_name(name).expect("a scene");
             let frame = Frame::of_scene(&gpu, &scene, size);
             let receivers = frame.receivers();
@@ -244,6 +250,7 @@ fn gpu_is_its_mirror() {
                     mask_settings: &settings,
                     masks: &read,
                     images: &held,
+                    has_importance: false,
                     settings: &MultiResReconstructorSettings::default(),
                 }
                 .image();

@@ -28,6 +28,11 @@ struct Params {
   plane_distance: f32,
   // Exponent of the cosine between normals, 8 or more.
   normal_power: f32,
+  // A bit for each level whose pixels about one are on its surface where the next finer level has nothing listed there.
+  alike: u32,
+  padding0: u32,
+  padding1: u32,
+  padding2: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -115,20 +120,26 @@ fn similarity(p: Surface, q: Surface, reach: f32) -> f32 {
   return in_plane * in_plane * base4 * base4;
 }
 
-// A level's value at a pixel, and how much of it there is.
+// A level's value at a pixel, how much of it there is, and the mask.
 struct Layer {
   value: vec3f,
   alpha: f32,
+  mask: f32,
 }
 
-fn layer_of(pixel: vec2u, p: Surface, level: u32) -> Layer {
+// `finer` is the mask of the next finer level, 1 where there is none.
+fn layer_of(pixel: vec2u, finer: f32, level: u32) -> Layer {
   let is_last = level == params.coarsest;
   if level == 0u {
+    let mask = mask_at(pixel, 0u);
+    if mask == 0.0 {
+      return Layer(vec3f(0.0), 0.0, 0.0);
+    }
     let value = image_at(pixel, 0u);
     if !is_finite3(value) {
-      return Layer(vec3f(0.0), 0.0);
+      return Layer(vec3f(0.0), 0.0, mask);
     }
-    return Layer(value, select(min(mask_at(pixel, 0u) * params.weights.x, 1.0), 1.0, is_last));
+    return Layer(value, select(min(mask * params.weights.x, 1.0), 1.0, is_last), mask);
   }
   let corners = corners_about(pixel, level);
   var masks: vec4f;
@@ -139,7 +150,12 @@ fn layer_of(pixel: vec2u, p: Surface, level: u32) -> Layer {
   }
   let alpha = select(min(mask * params.weights[level], 1.0), 1.0, is_last);
   if alpha == 0.0 {
-    return Layer(vec3f(0.0), 0.0);
+    return Layer(vec3f(0.0), 0.0, mask);
+  }
+  let is_alike = finer == 0.0 && (params.alike & (1u << level)) != 0u;
+  var p: Surface;
+  if !is_alike {
+    p = surface_at(pixel);
   }
   let reach = params.plane_distance * f32(1u << level) * footprint(params.camera, p.position - params.camera.eye);
   var value = vec3f(0.0);
@@ -150,15 +166,18 @@ fn layer_of(pixel: vec2u, p: Surface, level: u32) -> Layer {
     let there = image_at(texel, level);
     let weight = corner_weight(corners, i);
     if masks[i] > 0.0 && weight > 0.0 && is_finite3(there) {
-      let q = surface_at(stands_for(texel, level, params.camera.viewport.zw));
-      let alike = similarity(p, q, reach);
+      var alike = 1.0;
+      if !is_alike {
+        let q = surface_at(stands_for(texel, level, params.camera.viewport.zw));
+        alike = similarity(p, q, reach);
+      }
       value += weight * (alike + STRANGER) * there;
       total += weight * (alike + STRANGER);
       own += weight * alike;
     }
   }
   value /= max(total, 1e-30);
-  return Layer(value, select(alpha * min(own / CONFIDENT, 1.0), 1.0, is_last));
+  return Layer(value, select(alpha * min(own / CONFIDENT, 1.0), 1.0, is_last), mask);
 }
 
 @fragment
@@ -167,17 +186,13 @@ fn blend(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
   let pixel = vec2u(clamp(vec2i(fragment.xy) - vec2i(params.camera.viewport.xy), vec2i(0), size - 1));
   var value = vec3f(0.0);
   var remaining = 1.0;
-  var p: Surface;
-  var is_known = false;
+  var finer = 1.0;
   for (var level = 0u; level <= params.coarsest && remaining > 0.0; level++) {
     if (params.levels & (1u << level)) == 0u {
       continue;
     }
-    if level > 0u && !is_known {
-      p = surface_at(pixel);
-      is_known = true;
-    }
-    let layer = layer_of(pixel, p, level);
+    let layer = layer_of(pixel, finer, level);
+    finer = layer.mask;
     if layer.alpha > 0.0 {
       value += remaining * layer.alpha * layer.value;
       remaining *= 1.0 - layer.alpha;

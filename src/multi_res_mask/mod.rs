@@ -68,6 +68,8 @@ pub struct MultiResView {
     counts: ScanBuffer,
     /// What was last recorded.
     recorded: Option<MultiResMaskSettings>,
+    /// Whether edges were left out of that as not important.
+    has_importance: bool,
 }
 
 #[derive(Debug)]
@@ -138,6 +140,11 @@ impl MultiResView {
     /// The settings that it was last recorded with.
     pub(crate) fn recorded(&self) -> Option<&MultiResMaskSettings> {
         self.recorded.as_ref()
+    }
+
+    /// Whether it was recorded with an importance.
+    pub(crate) fn has_importance(&self) -> bool {
+        self.has_importance
     }
 
     fn recorded_level(&self, level: u32) -> Option<&LevelBuffers> {
@@ -295,6 +302,7 @@ impl MultiResMask {
                 .scan
                 .buffer(device, "deep-screen-space listed pixels of tiles", tiles)?,
             recorded: None,
+            has_importance: false,
         })
     }
 
@@ -393,6 +401,7 @@ impl MultiResMask {
             }
         }
         masks.recorded = Some(*settings);
+        masks.has_importance = input.importance.is_some();
         Ok(())
     }
 }

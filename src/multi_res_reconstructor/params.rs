@@ -16,6 +16,23 @@ pub(crate) struct MultiResReconstructorParams {
     pub(crate) coarsest: u32,
     pub(crate) plane_distance: f32,
     pub(crate) normal_power: f32,
+    pub(crate) alike: u32,
+    pub(crate) padding: [u32; 3],
+}
+
+/// A bit for each level whose pixels about one are on its surface where the next finer level has nothing listed there: its
+/// blur reaches as far as they lie, and no edge was left out of it.
+pub(crate) fn alike(mask: &MultiResMaskSettings, has_importance: bool) -> u32 {
+    let present: Vec<_> = mask.present().collect();
+    present
+        .windows(2)
+        .filter(|pair| {
+            let (finer, own) = (pair[0].0, pair[0].1);
+            let reaches = own.radius() << finer >= 1 << pair[1].0;
+            reaches && own.threshold == 0.0 && !has_importance
+        })
+        .map(|pair| 1 << pair[1].0)
+        .sum()
 }
 
 impl MultiResReconstructorParams {
@@ -34,6 +51,8 @@ impl MultiResReconstructorParams {
             coarsest: mask.coarsest(),
             plane_distance: settings.plane_distance,
             normal_power: settings.normal_power,
+            alike: alike(mask, input.masks.has_importance()),
+            padding: [0; 3],
         }
     }
 }

@@ -3,7 +3,10 @@
 use glam::DVec3;
 
 use super::shell_splatter::Receiver;
-use crate::{Camera, MultiResMaskSettings, MultiResReconstructorSettings, work::level_size};
+use crate::{
+    Camera, MultiResMaskSettings, MultiResReconstructorSettings,
+    multi_res_reconstructor::params::alike, work::level_size,
+};
 
 const STRANGER: f64 = 1e-4;
 const CONFIDENT: f64 = 0.125;
@@ -21,6 +24,8 @@ pub struct Blend<'a> {
     pub masks: &'a [Option<Vec<f64>>; 4],
     /// The sub-images; what is not listed is not read.
     pub images: &'a [Option<Vec<DVec3>>; 4],
+    /// Whether the masks were recorded with an importance.
+    pub has_importance: bool,
     /// The settings.
     pub settings: &'a MultiResReconstructorSettings,
 }
@@ -70,6 +75,26 @@ impl Blend<'_> {
         ([first, last], share.clamp(0.0, 1.0))
     }
 
+    /// A level's mask at a pixel.
+    fn mask_at(&self, pixel: [u32; 2], level: u32) -> f64 {
+        let Some(mask) = &self.masks[level as usize] else {
+            return 1.0;
+        };
+        let width = level_size(self.size(), level)[0];
+        let (columns, share_x) = self.between(pixel[0], level, 0);
+        let (rows, share_y) = self.between(pixel[1], level, 1);
+        let at = |x: usize, y: usize| mask[(rows[y] * width + columns[x]) as usize];
+        let row = |y| at(0, y) * (1.0 - share_x) + at(1, y) * share_x;
+        row(0) * (1.0 - share_y) + row(1) * share_y
+    }
+
+    /// Whether all of a level's pixels about one are on its surface, by the next finer level.
+    fn is_alike(&self, pixel: [u32; 2], level: u32) -> bool {
+        let finer = (0..level).rev().find(|&l| self.masks[l as usize].is_some());
+        alike(self.mask_settings, self.has_importance) & (1 << level) != 0
+            && finer.is_some_and(|finer| self.mask_at(pixel, finer) == 0.0)
+    }
+
     /// A level's value at a pixel, and how much of it there is.
     fn layer(&self, pixel: [u32; 2], level: u32) -> (DVec3, f64) {
         let (Some(mask), Some(image)) = (&self.masks[level as usize], &self.images[level as usize])
@@ -81,15 +106,16 @@ impl Blend<'_> {
         let (columns, share_x) = self.between(pixel[0], level, 0);
         let (rows, share_y) = self.between(pixel[1], level, 1);
         let p = self.receiver(pixel);
-        let (mut share_of_mask, mut value, mut total, mut own) = (0.0, DVec3::ZERO, 0.0, 0.0);
+        let share_of_mask = self.mask_at(pixel, level);
+        let is_alike = level == 0 || self.is_alike(pixel, level);
+        let (mut value, mut total, mut own) = (DVec3::ZERO, 0.0, 0.0);
         for (y, share_y) in [(rows[0], 1.0 - share_y), (rows[1], share_y)] {
             for (x, share_x) in [(columns[0], 1.0 - share_x), (columns[1], share_x)] {
                 let i = (y * width + x) as usize;
                 let share = share_x * share_y;
-                share_of_mask += share * mask[i];
-                if share > 0.0 && (mask[i] > 0.0 || level == 0) && image[i].is_finite() {
+                if share > 0.0 && mask[i] > 0.0 && image[i].is_finite() {
                     let q = self.receiver(stands_for([x, y], level, self.size()));
-                    let alike = if level == 0 {
+                    let alike = if is_alike {
                         1.0
                     } else {
                         self.similarity(p, q, level)
