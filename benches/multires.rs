@@ -27,7 +27,7 @@ use support::{
 #[derive(Parser)]
 #[command(about)]
 struct Options {
-    /// WIDTHxHEIGHT, any number of times; without, 1280x720, 1920x1080 and 3840x2160.
+    /// `WIDTHxHEIGHT`, any number of times; without, 1280x720, 1920x1080 and 3840x2160.
     #[arg(long, value_parser = parse_size)]
     size: Vec<[u32; 2]>,
     /// One of the crate's scenes, any number of times; without, all.

@@ -1,4 +1,4 @@
-//! The MultiResMask: GPU against the f64 mirror, and what must hold of any mask.
+//! The `MultiResMask`: GPU against the f64 mirror, and what must hold of any mask.
 
 mod multi_res;
 mod shot;

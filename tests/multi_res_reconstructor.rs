@@ -1,4 +1,4 @@
-//! The MultiResReconstructor: GPU against the f64 mirror, and what must hold of any blend.
+//! The `MultiResReconstructor`: GPU against the f64 mirror, and what must hold of any blend.
 
 mod multi_res;
 mod shot;

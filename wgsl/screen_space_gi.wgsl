@@ -46,7 +46,7 @@ fn ball_point(i: u32, turn: f32) -> vec3f {
 }
 
 // What of the radiance that a sample finds arrives, in units of irradiance / pi.
-fn from_sample(p: Surface, at: vec3f, area: f32) -> vec3f {
+fn arriving(p: Surface, at: vec3f, area: f32) -> vec3f {
   let clip = params.project * vec4f(at - params.camera.eye, 1.0);
   let uv = clip.xy / clip.w * vec2f(0.5, -0.5) + 0.5;
   if !(clip.w > 0.0 && all(uv >= vec2f(0.0)) && all(uv < vec2f(1.0))) {
@@ -90,7 +90,7 @@ fn gather(pixel: vec2u) -> vec3f {
   let area = 2.0 * PI * params.radius * params.radius / f32(params.samples);
   var sum = vec3f(0.0);
   for (var i = 0u; i < params.samples; i++) {
-    sum += from_sample(p, p.position + frame * (params.radius * ball_point(i, turn)), area);
+    sum += arriving(p, p.position + frame * (params.radius * ball_point(i, turn)), area);
   }
   return min(sum, vec3f(BRIGHTEST));
 }

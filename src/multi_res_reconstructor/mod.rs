@@ -176,7 +176,7 @@ impl MultiResReconstructor {
         let params = uniform(
             device,
             LABEL,
-            &MultiResReconstructorParams::new(input, mask, settings),
+            &MultiResReconstructorParams::new(input, mask, *settings),
         );
         let mut resources = vec![
             (0, whole(&params)),

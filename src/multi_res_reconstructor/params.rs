@@ -39,7 +39,7 @@ impl MultiResReconstructorParams {
     pub fn new(
         input: &MultiResReconstructorInput<'_>,
         mask: &MultiResMaskSettings,
-        settings: &MultiResReconstructorSettings,
+        settings: MultiResReconstructorSettings,
     ) -> Self {
         Self {
             gbuffer: ReceiversParams::new(&input.gbuffer, input.camera, input.camera.eye()),

@@ -41,7 +41,7 @@ fn ball_point(i: u32, samples: u32, turn: f64) -> DVec3 {
 
 impl ScreenSpaceGi<'_> {
     /// What of the radiance that a sample finds arrives, in units of irradiance / π.
-    fn from_sample(&self, p: &Receiver, at: DVec3, area: f64) -> Option<DVec3> {
+    fn arriving(&self, p: &Receiver, at: DVec3, area: f64) -> Option<DVec3> {
         let camera = self.decoder.camera;
         let viewport = camera.viewport();
         let place = camera.project(at)?;
@@ -93,7 +93,7 @@ impl ScreenSpaceGi<'_> {
         (0..settings.samples)
             .filter_map(|i| {
                 let at = p.position + frame * (radius * ball_point(i, settings.samples, turn));
-                self.from_sample(&p, at, area)
+                self.arriving(&p, at, area)
             })
             .sum::<DVec3>()
             .min(DVec3::splat(BRIGHTEST))
