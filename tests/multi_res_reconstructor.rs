@@ -352,7 +352,7 @@ fn scene(gpu: &Gpu, camera: &deep_screen_space::Camera) -> Frame {
 fn no_pixel_is_dead() {
     let gpu = gpu();
     let wired = Wired::new(&gpu, Channels::Three);
-    for size in [[1, 1], [2, 1], [7, 5], [9, 8], [16, 33], [53, 31]] {
+    for size in [[1, 1], [9, 8], [27, 14]] {
         let camera = camera(
             right::perspective_infinite_reverse(1.0, 1.4, 0.1),
             Viewport::full(size[0], size[1]),
