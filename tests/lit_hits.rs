@@ -1,7 +1,6 @@
 //! Hits that are lit where they are (`Lighting::Hits`): against the mirror, and the picture against the tracer.
 
 #[path = "../examples/support/mod.rs"]
-#[allow(dead_code)]
 mod support;
 
 mod rays;
