@@ -112,6 +112,7 @@ mod surfel;
 mod surfel_shader;
 mod surfelizer;
 mod temporal_accumulator;
+mod work;
 
 pub use bounced_z_buffer::{
     BouncedDescriptor, BouncedInput, BouncedView, BouncedZBuffer, HitLighting, Lighting, Payload,
@@ -155,3 +156,4 @@ pub use surfelizer::{
 pub use temporal_accumulator::{
     MotionVectors, TemporalAccumulator, TemporalHistory, TemporalInput, settings::TemporalSettings,
 };
+pub use work::WorkList;

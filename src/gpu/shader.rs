@@ -21,6 +21,7 @@ const COMMON: &[(&str, &str)] = &[
     ("material", include_str!("../../wgsl/common/material.wgsl")),
     ("levels", include_str!("../../wgsl/common/levels.wgsl")),
     ("screen", include_str!("../../wgsl/common/screen.wgsl")),
+    ("work", include_str!("../../wgsl/common/work.wgsl")),
     ("rooms", include_str!("../../wgsl/common/rooms.wgsl")),
     (
         "walk_tree",

@@ -1,0 +1,113 @@
+//! Which pixels of an image an effect computes: all, or those of a list that the GPU made (`wgsl/common/work.wgsl`).
+
+use wgpu::{
+    BindGroup, Buffer, BufferUsages, ComputePass, ComputePipeline, TextureFormat, TextureUsages,
+    TextureView,
+};
+
+use crate::{
+    camera::Viewport,
+    error::{Error, check_setting},
+    gbuffer::check_plain,
+    geometry::{check_size, check_usage},
+};
+
+/// Sub-images that there can be: 1, 1/2, 1/4 and 1/8 of the image's width and height.
+pub(crate) const LEVELS: u32 = 4;
+
+/// Pixels of a sub-image to compute, listed on the GPU.
+///
+/// Level l has `⌈width / 2^l⌉ × ⌈height / 2^l⌉` pixels. Its pixel (x, y) stands for pixel
+/// `min(2^l (x, y) + ⌊2^l / 2⌋, size − 1)` of the viewport: an effect reads the whole G-buffer there and computes exactly what
+/// it would compute there for the whole image.
+#[derive(Clone, Copy, Debug)]
+pub struct WorkList<'a> {
+    /// The sub-image, 0…3; 0 is the whole image.
+    pub level: u32,
+    /// `u32`s: how many pixels, then `x | y << 16` of each, in pixels of the sub-image; room for all of the level's pixels.
+    /// Usage `STORAGE`.
+    pub pixels: &'a Buffer,
+    /// Three `u32`: an indirect dispatch of a workgroup each 64 pixels. Usage `INDIRECT`.
+    pub dispatch: &'a Buffer,
+}
+
+impl WorkList<'_> {
+    /// Checks the level, and both buffers against it.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for the level, [`Error::Buffer`] for a buffer that is too small or lacks a usage.
+    pub fn validate(&self, viewport: Viewport) -> Result<(), Error> {
+        const DISPATCH: &str = "WorkList::dispatch";
+        check_setting(self.level < LEVELS, "WorkList::level", self.level, "0 to 3")?;
+        check_usage("WorkList::pixels", self.pixels)?;
+        let pixels = list_bytes([viewport.width, viewport.height], self.level);
+        check_size("WorkList::pixels", self.pixels, pixels)?;
+        if !self.dispatch.usage().contains(BufferUsages::INDIRECT) {
+            return Err(Error::Buffer {
+                name: DISPATCH,
+                found: format!("usage {:?}", self.dispatch.usage()),
+                needed: "usage INDIRECT".into(),
+            });
+        }
+        check_size(DISPATCH, self.dispatch, 12)
+    }
+}
+
+/// The size of a sub-image, pixels.
+pub(crate) fn level_size(size: [u32; 2], level: u32) -> [u32; 2] {
+    size.map(|n| n.div_ceil(1 << level))
+}
+
+/// Bytes of a list that holds all pixels of a sub-image.
+pub(crate) fn list_bytes(size: [u32; 2], level: u32) -> u64 {
+    let [width, height] = level_size(size, level).map(u64::from);
+    4 * (1 + width * height)
+}
+
+/// The level that work is on, after a check of the list and of the storage texture that an effect writes.
+pub(crate) fn check_work(
+    name: &'static str,
+    work: Option<&WorkList<'_>>,
+    viewport: Viewport,
+    target: &TextureView,
+    format: TextureFormat,
+) -> Result<u32, Error> {
+    if let Some(work) = work {
+        work.validate(viewport)?;
+    }
+    let level = work.map_or(0, |work| work.level);
+    let [width, height] = level_size([viewport.width, viewport.height], level);
+    let needed = Viewport::full(width, height);
+    check_plain(name, target, needed, TextureUsages::STORAGE_BINDING)?;
+    let found = target.texture().format();
+    if found != format {
+        return Err(Error::Format {
+            name,
+            format: found,
+            accepted: match format {
+                TextureFormat::R32Float => "R32Float",
+                _ => "Rgba16Float",
+            },
+        });
+    }
+    Ok(level)
+}
+
+/// Dispatches a kernel of `@workgroup_size(8, 8)` that asks `work_item()` for its pixel: over a list, or over all pixels of
+/// a viewport.
+pub(crate) fn dispatch_work(
+    pass: &mut ComputePass<'_>,
+    pipeline: &ComputePipeline,
+    group: &BindGroup,
+    work: Option<&WorkList<'_>>,
+    viewport: Viewport,
+) {
+    pass.set_pipeline(pipeline);
+    pass.set_bind_group(0, group, &[]);
+    match work {
+        Some(work) => pass.dispatch_workgroups_indirect(work.dispatch, 0),
+        None => {
+            pass.dispatch_workgroups(viewport.width.div_ceil(8), viewport.height.div_ceil(8), 1);
+        }
+    }
+}
