@@ -57,55 +57,8 @@ impl GBuffer<'_> {
     /// # Errors
     /// [`Error::Format`], [`Error::Usage`], [`Error::Shape`] or [`Error::Size`], naming the view.
     pub fn validate(&self, viewport: Viewport) -> Result<(), Error> {
-        check_plain(
-            "GBuffer::depth",
-            self.depth,
-            viewport,
-            TextureUsages::TEXTURE_BINDING,
-        )?;
-        let depth = self.depth.texture().format();
-        if !(depth.has_depth_aspect() || depth == Format::R32Float) {
-            return Err(Error::Format {
-                name: "GBuffer::depth",
-                format: depth,
-                accepted: "a depth format or R32Float",
-            });
-        }
-
-        check_plain(
-            "GBuffer::normal",
-            self.normal,
-            viewport,
-            TextureUsages::TEXTURE_BINDING,
-        )?;
-        let normal = self.normal.texture().format();
-        let components = normal.components();
-        let (ok, accepted) = match self.normal_encoding {
-            NormalEncoding::Signed => (
-                components >= 3 && (is_snorm(normal) || is_float(normal)),
-                "a float or snorm format with three components or more",
-            ),
-            NormalEncoding::Unsigned => (
-                components >= 3 && !is_snorm(normal),
-                "a unorm or float format with three components or more",
-            ),
-            NormalEncoding::Octahedral => (
-                components >= 2 && (is_snorm(normal) || is_float(normal)),
-                "a float or snorm format with two components or more",
-            ),
-            NormalEncoding::OctahedralUnsigned => (
-                components >= 2 && !is_snorm(normal),
-                "a unorm or float format with two components or more",
-            ),
-        };
-        if !ok || !samples_as_float(normal) || normal.is_srgb() {
-            return Err(Error::Format {
-                name: "GBuffer::normal",
-                format: normal,
-                accepted,
-            });
-        }
-
+        check_depth("GBuffer::depth", self.depth, viewport)?;
+        self.normals().check("GBuffer::normal", viewport)?;
         if let Some(albedo) = self.albedo {
             check_plain(
                 "GBuffer::albedo",
@@ -125,9 +78,92 @@ impl GBuffer<'_> {
         Ok(())
     }
 
+    /// Its normals, for passes that can do without.
+    pub fn normals(&self) -> Normals<'_> {
+        Normals {
+            view: self.normal,
+            encoding: self.normal_encoding,
+            space: self.normal_space,
+        }
+    }
+
     pub(crate) fn depth_step(&self) -> f32 {
         depth_step(self.depth.texture().format())
     }
+}
+
+/// The normals of a [`GBuffer`] alone, for passes that can do without.
+#[derive(Clone, Copy, Debug)]
+pub struct Normals<'a> {
+    /// As [`GBuffer::normal`].
+    pub view: &'a TextureView,
+    /// How they are stored.
+    pub encoding: NormalEncoding,
+    /// Their axes.
+    pub space: NormalSpace,
+}
+
+impl Normals<'_> {
+    pub(crate) fn check(&self, name: &'static str, viewport: Viewport) -> Result<(), Error> {
+        check_plain(name, self.view, viewport, TextureUsages::TEXTURE_BINDING)?;
+        let format = self.view.texture().format();
+        let components = format.components();
+        let (ok, accepted) = match self.encoding {
+            NormalEncoding::Signed => (
+                components >= 3 && (is_snorm(format) || is_float(format)),
+                "a float or snorm format with three components or more",
+            ),
+            NormalEncoding::Unsigned => (
+                components >= 3 && !is_snorm(format),
+                "a unorm or float format with three components or more",
+            ),
+            NormalEncoding::Octahedral => (
+                components >= 2 && (is_snorm(format) || is_float(format)),
+                "a float or snorm format with two components or more",
+            ),
+            NormalEncoding::OctahedralUnsigned => (
+                components >= 2 && !is_snorm(format),
+                "a unorm or float format with two components or more",
+            ),
+        };
+        if !ok || !samples_as_float(format) || format.is_srgb() {
+            return Err(Error::Format {
+                name,
+                format,
+                accepted,
+            });
+        }
+        Ok(())
+    }
+
+    /// As `decode_normal` of `wgsl/common/gbuffer.wgsl` takes it.
+    pub(crate) fn params(&self) -> [u32; 2] {
+        let encoding = match self.encoding {
+            NormalEncoding::Signed => 0,
+            NormalEncoding::Unsigned => 1,
+            NormalEncoding::Octahedral => 2,
+            NormalEncoding::OctahedralUnsigned => 3,
+        };
+        [encoding, u32::from(self.space == NormalSpace::View)]
+    }
+}
+
+/// Checks a depth buffer that covers the viewport.
+pub(crate) fn check_depth(
+    name: &'static str,
+    depth: &TextureView,
+    viewport: Viewport,
+) -> Result<(), Error> {
+    check_plain(name, depth, viewport, TextureUsages::TEXTURE_BINDING)?;
+    let format = depth.texture().format();
+    if !(format.has_depth_aspect() || format == Format::R32Float) {
+        return Err(Error::Format {
+            name,
+            format,
+            accepted: "a depth format or R32Float",
+        });
+    }
+    Ok(())
 }
 
 /// How far a stored depth may lie from the true one: half a step of its format. `R32Float` and `Depth32Float` round

@@ -10,7 +10,7 @@ use wgpu::{
 use crate::{
     camera::{Camera, CameraParams},
     error::{Error, check_limit},
-    gbuffer::{GBuffer, NormalEncoding, NormalSpace},
+    gbuffer::GBuffer,
     gpu::{
         Kernel,
         binding::{self, FLOAT_2D, UNIFORM, view, whole},
@@ -93,8 +93,7 @@ pub(crate) fn plane_bytes(format: TextureFormat, size: [u32; 2], layers: u32) ->
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct ReceiversParams {
     pub(crate) camera: CameraParams,
-    pub(crate) normal_encoding: u32,
-    pub(crate) normal_in_view: u32,
+    pub(crate) normals: [u32; 2],
     pub(crate) depth_step: f32,
     pub(crate) depth_relative: f32,
 }
@@ -154,13 +153,7 @@ impl ReceiversPass {
             LABEL,
             &ReceiversParams {
                 camera: camera.params(origin),
-                normal_encoding: match gbuffer.normal_encoding {
-                    NormalEncoding::Signed => 0,
-                    NormalEncoding::Unsigned => 1,
-                    NormalEncoding::Octahedral => 2,
-                    NormalEncoding::OctahedralUnsigned => 3,
-                },
-                normal_in_view: u32::from(gbuffer.normal_space == NormalSpace::View),
+                normals: gbuffer.normals().params(),
                 depth_step: gbuffer.depth_step(),
                 depth_relative: DEPTH_RELATIVE,
             },
