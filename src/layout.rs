@@ -7,6 +7,7 @@ use crate::{
     SurfelSource,
     bounced_z_buffer::params::{BouncedParams, LightsParams},
     camera::CameraParams,
+    depth_moments::DepthMomentsParams,
     disk_bounds::{DiskBoundsParams, DiskParams},
     gpu::sort::SortParams,
     hit_reconstructor::params::HitReconstructorParams,
@@ -19,6 +20,7 @@ use crate::{
     surfel_shader::params::{ShadowCameraParams, ShadowParams, SurfelShaderParams},
     surfelizer::params::{MeshParams, SurfelizerParams},
     temporal_accumulator::params::TemporalParams,
+    volumetric_obscurance::params::ObscuranceParams,
 };
 
 /// Name and offset of each field of a Rust struct.
@@ -91,7 +93,7 @@ fn structs_match_the_shaders() {
     let mesh = fields!(MeshParams: vertex_offset, vertex_stride, vertex_format, vertex_count, index_offset, index_format,
         base_vertex, triangles, instance_offset, instance_stride, instance_format, instances, first_triangle, material);
     check(&ao, "surfelizer", "Mesh", &mesh, size_of::<MeshParams>());
-    let receivers = fields!(ReceiversParams: camera, normal_encoding, normal_in_view, depth_step, depth_relative);
+    let receivers = fields!(ReceiversParams: camera, normals, depth_step, depth_relative);
     check(
         &ao,
         "receivers",
@@ -209,6 +211,24 @@ fn structs_match_the_shaders() {
             size_of::<TemporalParams>(),
         );
     }
+    let obscurance = fields!(ObscuranceParams: camera, to_pixel, forward, level, normals, depth_step, depth_relative, radii,
+        radius_count, combine, max_pixels, thickness, seed, box_half_width, count, moment_levels, samples);
+    for variant in ["", " normals areas list"] {
+        check(
+            &ao,
+            &format!("volumetric_obscurance{variant}"),
+            "Params",
+            &obscurance,
+            size_of::<ObscuranceParams>(),
+        );
+    }
+    check(
+        &ao,
+        "depth_moments depth",
+        "Params",
+        &fields!(DepthMomentsParams: camera, forward),
+        size_of::<DepthMomentsParams>(),
+    );
     check(
         &ao,
         "surfelizer",

@@ -88,6 +88,7 @@ pub use wgpu;
 
 mod bounced_z_buffer;
 mod camera;
+mod depth_moments;
 mod disk_bounds;
 mod effect;
 mod effects;
@@ -112,6 +113,7 @@ mod surfel;
 mod surfel_shader;
 mod surfelizer;
 mod temporal_accumulator;
+mod volumetric_obscurance;
 mod work;
 
 pub use bounced_z_buffer::{
@@ -120,10 +122,11 @@ pub use bounced_z_buffer::{
     settings::{BouncedSettings, DiskSettings, Merge, Sampling},
 };
 pub use camera::{Camera, Footprint, Viewport};
+pub use depth_moments::DepthMoments;
 pub use effect::{Channels, Effect};
 pub use effects::ambient_occlusion::{AmbientOcclusion, Overlap};
 pub use error::Error;
-pub use gbuffer::{GBuffer, NormalEncoding, NormalSpace};
+pub use gbuffer::{GBuffer, NormalEncoding, NormalSpace, Normals};
 pub use geometry::{
     Geometry, IndexFormat, Indices, Instances, Material, Mesh, PositionFormat, TransformFormat,
     Vertices,
@@ -155,5 +158,10 @@ pub use surfelizer::{
 };
 pub use temporal_accumulator::{
     MotionVectors, TemporalAccumulator, TemporalHistory, TemporalInput, settings::TemporalSettings,
+};
+pub use volumetric_obscurance::{
+    ObscuranceInput, VolumetricObscurance, VolumetricObscuranceDescriptor,
+    samples::{BallSamples, DiskSamples},
+    settings::{Combine, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume, SecondRadius},
 };
 pub use work::WorkList;

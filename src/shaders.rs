@@ -2,7 +2,7 @@
 
 use crate::{
     bounced_z_buffer::{self, BouncedDescriptor, Lighting, Payload, Senders, settings::Sampling},
-    disk_bounds,
+    depth_moments, disk_bounds,
     effect::Effect,
     error::Error,
     gpu::{scan, shader::assemble, sort},
@@ -14,6 +14,7 @@ use crate::{
     surfel_shader::{self, ShadeVariant, ShadowKind},
     surfelizer,
     temporal_accumulator::{self, TemporalVariant},
+    volumetric_obscurance::{self, ObscuranceVariant},
 };
 
 /// One module.
@@ -178,6 +179,28 @@ pub fn shaders(effect: &Effect) -> Result<Vec<Shader>, Error> {
     ] {
         let source = temporal_accumulator::source(effect.channels, variant)?;
         all.push(shader(name, source, none));
+    }
+    for (depth, name) in [(true, "depth_moments depth"), (false, "depth_moments")] {
+        all.push(shader(name, depth_moments::source(depth)?, none));
+    }
+    for normals in [false, true] {
+        for areas in [false, true] {
+            for list in [false, true] {
+                let name = format!(
+                    "volumetric_obscurance{}{}{}",
+                    if normals { " normals" } else { "" },
+                    if areas { " areas" } else { "" },
+                    if list { " list" } else { "" }
+                );
+                let variant = ObscuranceVariant {
+                    normals,
+                    areas,
+                    list,
+                };
+                let source = volumetric_obscurance::source(variant)?;
+                all.push(shader(&name, source, none));
+            }
+        }
     }
     Ok(all)
 }

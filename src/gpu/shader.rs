@@ -14,6 +14,8 @@ const COMMON: &[(&str, &str)] = &[
     ("hashing", include_str!("../../wgsl/common/hashing.wgsl")),
     ("camera", include_str!("../../wgsl/common/camera.wgsl")),
     ("dispatch", include_str!("../../wgsl/common/dispatch.wgsl")),
+    ("gbuffer", include_str!("../../wgsl/common/gbuffer.wgsl")),
+    ("moments", include_str!("../../wgsl/common/moments.wgsl")),
     ("receiver", include_str!("../../wgsl/common/receiver.wgsl")),
     ("surfel", include_str!("../../wgsl/common/surfel.wgsl")),
     ("triangle", include_str!("../../wgsl/common/triangle.wgsl")),

@@ -3,6 +3,7 @@
 
 pub mod bounced_disks;
 pub mod bounced_z_buffer;
+pub mod depth_moments;
 pub mod directions;
 pub mod effects;
 pub mod gbuffer;
@@ -19,3 +20,4 @@ pub mod surfel_shader;
 pub mod surfelizer;
 pub mod temporal_accumulator;
 pub mod trace;
+pub mod volumetric_obscurance;
