@@ -226,7 +226,7 @@ fn structs_match_the_shaders() {
         &ao,
         "depth_moments depth",
         "Params",
-        &fields!(DepthMomentsParams: camera, forward),
+        &fields!(DepthMomentsParams: camera, forward, fine, coarse),
         size_of::<DepthMomentsParams>(),
     );
     check(

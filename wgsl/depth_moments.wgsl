@@ -3,52 +3,51 @@
 //
 // With DEPTH the first level is made of the depth buffer, without it each further one of that before.
 //
-// @group(0) @binding(0) the level to write, 1 what it is made of, 2 params (with DEPTH)
+// @group(0) @binding(0) params, 1 all levels, 2 depth (post-projection; with DEPTH)
 
 #import math
+#import camera
 #import moments
 #if DEPTH
 #import packing
-#import camera
 #import gbuffer
+#endif
 
 struct Params {
   camera: Camera,
   // Unit vector along which view depth grows.
   forward: vec3f,
   padding: u32,
+  fine: MomentLevel,
+  coarse: MomentLevel,
 }
-#endif
 
-@group(0) @binding(0) var coarse: texture_storage_2d<rgba32float, write>;
-@group(0) @binding(1) var fine: texture_2d<f32>;
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read_write> moments: array<vec4f>;
 #if DEPTH
-@group(0) @binding(2) var<uniform> params: Params;
-
-// Of one pixel.
-fn fine_moments(pixel: vec2u) -> vec4f {
-  if any(pixel >= params.camera.viewport.zw) {
-    return vec4f(0.0);
-  }
-  let depth = textureLoad(fine, params.camera.viewport.xy + pixel, 0).x;
-  let p = unproject(params.camera, pixel, depth);
-  return vec4f(dot(p.xyz, params.forward), 0.0, p.w, 1.0);
-}
-#else
+@group(0) @binding(2) var depth_texture: texture_2d<f32>;
+#endif
 
 fn fine_moments(texel: vec2u) -> vec4f {
-  return textureLoad(fine, texel, 0);
-}
+  if any(texel >= params.fine.size) {
+    return vec4f(0.0);
+  }
+#if DEPTH
+  let depth = textureLoad(depth_texture, params.camera.viewport.xy + texel, 0).x;
+  let p = unproject(params.camera, texel, depth);
+  return vec4f(dot(p.xyz, params.forward), 0.0, p.w, 1.0);
+#else
+  return moments[params.fine.offset + texel.y * params.fine.size.x + texel.x];
 #endif
+}
 
 @compute @workgroup_size(8, 8)
 fn halve(@builtin(global_invocation_id) id: vec3u) {
-  if any(id.xy >= textureDimensions(coarse)) {
+  if any(id.xy >= params.coarse.size) {
     return;
   }
   let corner = 2u * id.xy;
-  let merged = merge_moments(
+  moments[params.coarse.offset + id.y * params.coarse.size.x + id.x] = merge_moments(
     fine_moments(corner), fine_moments(corner + vec2u(1u, 0u)),
     fine_moments(corner + vec2u(0u, 1u)), fine_moments(corner + vec2u(1u, 1u)), vec4f(0.25));
-  textureStore(coarse, id.xy, merged);
 }

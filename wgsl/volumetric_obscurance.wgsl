@@ -15,9 +15,7 @@
 #import camera
 #import gbuffer
 #import work
-#if AREAS
 #import moments
-#endif
 
 struct Params {
   camera: Camera,
@@ -40,16 +38,18 @@ struct Params {
   // Half width of the box that stands for an area's depths, in standard deviations.
   box_half_width: f32,
   count: u32,
-  // Levels of moments, the depth buffer itself not counted.
-  moment_levels: u32,
   padding0: u32,
   padding1: u32,
+  padding2: u32,
+  // Of the depth's moments, from squares of 2 x 2 pixels on.
+  moment_levels: array<MomentLevel, 8>,
   // On the disk x, y, half the chord's length (of an area the logarithm of the side of a square of the same share,
   // base 2) and share; in the ball x, y, z and share.
   samples: array<vec4f, 33>,
 }
 
 const MINIMUM: u32 = 1u;
+const MOMENT_LEVELS: u32 = 8u;
 
 // Samples are points of the ball, not of the disk.
 override POINTS: bool = false;
@@ -66,7 +66,7 @@ override TANGENT: bool = false;
 @group(0) @binding(4) var<storage, read> work: array<u32>;
 #endif
 #if AREAS
-@group(0) @binding(5) var moment_texture: texture_2d<f32>;
+@group(0) @binding(5) var<storage, read> moments: array<vec4f>;
 #endif
 
 // A point of the viewport as seen: all relative to this camera's eye.
@@ -125,11 +125,11 @@ fn moments_at(texel: vec2i, level: u32) -> vec4f {
     let p = unproject(params.camera, vec2u(texel), depth_at(vec2u(texel)));
     return vec4f(dot(p.xyz, params.forward), 0.0, p.w, 1.0);
   }
-  let size = vec2i(textureDimensions(moment_texture, level - 1u));
-  if any(texel < vec2i(0)) || any(texel >= size) {
+  let stored = params.moment_levels[level - 1u];
+  if any(texel < vec2i(0)) || any(texel >= vec2i(stored.size)) {
     return vec4f(0.0);
   }
-  return textureLoad(moment_texture, texel, level - 1u);
+  return moments[stored.offset + u32(texel.y) * stored.size.x + u32(texel.x)];
 }
 
 // Between the four squares about a place.
@@ -150,11 +150,11 @@ fn look_around(place: vec3f, level: f32, axis: vec3f) -> Seen {
   if place.z == 0.0 {
     return Seen(vec3f(0.0), 0.0, 0.0, 0.0);
   }
-  let clamped = clamp(level, 0.0, f32(params.moment_levels));
+  let clamped = clamp(level, 0.0, f32(MOMENT_LEVELS));
   let lower = u32(clamped);
   let between = clamped - f32(lower);
   let a = blended_moments(place.xy, lower);
-  let b = blended_moments(place.xy, min(lower + 1u, params.moment_levels));
+  let b = blended_moments(place.xy, min(lower + 1u, MOMENT_LEVELS));
   let m = merge_moments(a, b, vec4f(0.0), vec4f(0.0), vec4f(1.0 - between, between, 0.0, 0.0));
   // The point of that view depth on the line through the place.
   let size = vec2f(params.camera.viewport.zw);
@@ -259,7 +259,6 @@ fn openness(receiver: Receiver, world_radius: f32) -> f32 {
     let seen = look(place);
     let half_chord = entry.z;
 #endif
-    let is_seen = seen.covered > 0.0;
     // Farther than any sphere reaches, before it could leave the range of f32.
     let height = clamp(dot(seen.position - center, axis) / scale, -1e6, 1e6);
     var low = -half_chord;
@@ -268,12 +267,12 @@ fn openness(receiver: Receiver, world_radius: f32) -> f32 {
     // line of sight, which passes a pixel's centre, not the sample: so no plane shades itself.
     let over = dot(seen.position - receiver.position, n) / scale;
     let on_disk = -(dot(above, n) + dot(frame * vec3f(p, 0.0), n)) / facing;
-    let plane = select(on_disk, height - over / facing, is_seen);
+    let plane = mix(on_disk, height - over / facing, seen.covered);
     low = clamp(plane, low, half_chord);
 #endif
     let share = entry.w * seen.inside / (2.0 * half_chord);
     total += share * (half_chord - low);
-    if is_seen {
+    if seen.covered > 0.0 {
       let front = height - uncertainty;
       let spread = seen.spread / scale;
       // What lies farther behind the surface than it is thick is open again (4.3).

@@ -2,18 +2,19 @@
 
 use bytemuck::{Pod, Zeroable};
 use wgpu::{
-    CommandEncoder, ComputePipeline, Device, PipelineCache, ShaderStages, TextureFormat,
-    TextureUsages, TextureView, TextureViewDimension,
+    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache, ShaderStages,
+    TextureView,
 };
 
 use crate::{
     camera::{Camera, CameraParams},
-    error::{Error, check_limit, check_setting},
+    error::{Error, check_setting},
     gpu::{
         Kernel, Timestamps,
-        binding::{self, FLOAT_2D, UNIFORM, view, whole},
-        compute_pass, shader, uniform,
+        binding::{self, FLOAT_2D, UNIFORM, WRITE, view, whole},
+        compute_pass, shader, storage, uniform,
     },
+    work::level_size,
 };
 
 pub(crate) const SOURCE: &str = include_str!("../../wgsl/depth_moments.wgsl");
@@ -23,19 +24,15 @@ const LABEL: &str = "deep-screen-space depth moments";
 /// Levels of moments: squares of 2 to 256 pixels a side.
 pub(crate) const LEVELS: u32 = 8;
 
-const FORMAT: TextureFormat = TextureFormat::Rgba32Float;
+/// Bytes of a texel.
+const TEXEL: u64 = 16;
 
-/// A mip chain of depth moments, for area samples of [`VolumetricObscurance`](crate::VolumetricObscurance).
-///
-/// Mip level l holds those over squares of 2^(l + 1) pixels: mean and variance of the view depth of what has a surface, the
-/// share that has one, and the share that lies in the viewport.
+/// Depth moments over squares of pixels, for area samples of [`VolumetricObscurance`](crate::VolumetricObscurance).
 #[derive(Debug)]
 pub struct DepthMoments {
     /// Of the view that they are for, pixels.
     pub(crate) size: [u32; 2],
-    texture: wgpu::Texture,
-    pub(crate) view: TextureView,
-    levels: Vec<TextureView>,
+    pub(crate) buffer: Buffer,
 }
 
 impl DepthMoments {
@@ -46,55 +43,52 @@ impl DepthMoments {
             size[0].min(size[1]),
             "at least 1x1 pixels",
         )?;
-        // A whole number of texels on every level: mip levels' sizes are rounded down.
-        let [width, height] = size.map(|n| n.div_ceil(1 << LEVELS) << (LEVELS - 1));
-        check_limit(
-            "max_texture_dimension_2d",
-            u64::from(device.limits().max_texture_dimension_2d),
-            u64::from(width.max(height)),
-            LABEL,
-        )?;
-        let texture = device.create_texture(&wgpu::TextureDescriptor {
-            label: Some(LABEL),
-            size: wgpu::Extent3d {
-                width,
-                height,
-                depth_or_array_layers: 1,
-            },
-            mip_level_count: LEVELS,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: FORMAT,
-            usage: TextureUsages::STORAGE_BINDING
-                | TextureUsages::TEXTURE_BINDING
-                | TextureUsages::COPY_SRC,
-            view_formats: &[],
-        });
-        let level = |base_mip_level| {
-            texture.create_view(&wgpu::TextureViewDescriptor {
-                base_mip_level,
-                mip_level_count: Some(1),
-                ..Default::default()
-            })
-        };
+        let texels = (1..=LEVELS)
+            .map(|level| level_size(size, level).map(u64::from))
+            .map(|[width, height]| width * height)
+            .sum::<u64>();
+        let usage = BufferUsages::COPY_SRC;
         Ok(Self {
             size,
-            view: texture.create_view(&wgpu::TextureViewDescriptor::default()),
-            levels: (0..LEVELS).map(level).collect(),
-            texture,
+            buffer: storage(device, LABEL, TEXEL * texels, usage)?,
         })
     }
 
-    /// The moments, `Rgba32Float`.
-    pub fn texture(&self) -> &wgpu::Texture {
-        &self.texture
+    /// Level after level from squares of 2 × 2 pixels on, each ⌈width / 2^l⌉ × ⌈height / 2^l⌉ texels, rows from the top. A
+    /// texel is four `f32`s: mean and variance of the view depth of what has a surface, the square's share that has one, and
+    /// its share that lies in the viewport.
+    pub fn buffer(&self) -> &Buffer {
+        &self.buffer
     }
 
     /// GPU memory that it owns, bytes: about 5 a pixel.
     pub fn memory_bytes(&self) -> u64 {
-        let texels = u64::from(self.texture.width()) * u64::from(self.texture.height());
-        (0..LEVELS).map(|level| 16 * (texels >> (2 * level))).sum()
+        self.buffer.size()
     }
+}
+
+/// `MomentLevel` of `wgsl/common/moments.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct MomentLevel {
+    pub(crate) offset: u32,
+    pub(crate) padding: u32,
+    pub(crate) size: [u32; 2],
+}
+
+/// Where the levels of a view lie in its buffer.
+pub(crate) fn levels(size: [u32; 2]) -> [MomentLevel; LEVELS as usize] {
+    let mut offset = 0;
+    std::array::from_fn(|i| {
+        let size = level_size(size, i as u32 + 1);
+        let level = MomentLevel {
+            offset,
+            padding: 0,
+            size,
+        };
+        offset += size[0] * size[1];
+        level
+    })
 }
 
 #[repr(C)]
@@ -103,6 +97,8 @@ pub(crate) struct DepthMomentsParams {
     pub(crate) camera: CameraParams,
     pub(crate) forward: [f32; 3],
     pub(crate) padding: u32,
+    pub(crate) fine: MomentLevel,
+    pub(crate) coarse: MomentLevel,
 }
 
 /// The pipelines: of the first level, and of the others.
@@ -115,9 +111,8 @@ pub(crate) struct DepthMomentsPass {
 impl DepthMomentsPass {
     pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
         let create = |depth: bool| -> Result<_, Error> {
-            let store = binding::store(FORMAT, TextureViewDimension::D2);
-            let mut entries = vec![(0, store), (1, FLOAT_2D)];
-            entries.extend(depth.then_some((2, UNIFORM)));
+            let mut entries = vec![(0, UNIFORM), (1, WRITE)];
+            entries.extend(depth.then_some((2, FLOAT_2D)));
             let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
             let module = shader::create(device, LABEL, source(depth)?);
             let pipeline = Kernel {
@@ -146,38 +141,33 @@ impl DepthMomentsPass {
         moments: &DepthMoments,
         timestamps: Option<Timestamps<'_>>,
     ) {
-        let params = uniform(
-            device,
-            LABEL,
-            &DepthMomentsParams {
-                camera: camera.params(camera.eye()),
-                forward: camera.forward().as_vec3().to_array(),
-                padding: 0,
-            },
-        );
+        let pixels = MomentLevel {
+            size: moments.size,
+            ..MomentLevel::default()
+        };
+        let mut fine = pixels;
         let mut pass = compute_pass(encoder, LABEL, timestamps);
-        for (level, coarse) in moments.levels.iter().enumerate() {
-            let (layout, pipeline) = if level == 0 {
-                &self.first
-            } else {
-                &self.further
-            };
-            let fine = if level == 0 {
-                depth
-            } else {
-                &moments.levels[level - 1]
-            };
-            let mut resources = vec![(0, view(coarse)), (1, view(fine))];
-            resources.extend((level == 0).then(|| (2, whole(&params))));
+        for (i, coarse) in levels(moments.size).into_iter().enumerate() {
+            let params = uniform(
+                device,
+                LABEL,
+                &DepthMomentsParams {
+                    camera: camera.params(camera.eye()),
+                    forward: camera.forward().as_vec3().to_array(),
+                    padding: 0,
+                    fine,
+                    coarse,
+                },
+            );
+            let (layout, pipeline) = if i == 0 { &self.first } else { &self.further };
+            let mut resources = vec![(0, whole(&params)), (1, whole(&moments.buffer))];
+            resources.extend((i == 0).then(|| (2, view(depth))));
             let group = binding::group(device, LABEL, layout, &resources);
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &group, &[]);
-            let groups = |side: u32| (side >> level).div_ceil(8);
-            pass.dispatch_workgroups(
-                groups(moments.texture.width()),
-                groups(moments.texture.height()),
-                1,
-            );
+            let [width, height] = coarse.size.map(|n| n.div_ceil(8));
+            pass.dispatch_workgroups(width, height, 1);
+            fine = coarse;
         }
     }
 }

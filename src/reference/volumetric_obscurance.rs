@@ -278,20 +278,17 @@ impl DepthBuffer<'_> {
                 }
                 _ => (self.look(at), third),
             };
-            let is_seen = seen.covered > 0.0;
             let height = ((seen.position - ball.center).dot(axis) / scale).clamp(-1e6, 1e6);
             let mut low = -half_chord;
             if volume != ObscuranceVolume::Sphere {
-                let plane = if is_seen {
-                    height - (seen.position - position).dot(n) / scale / facing
-                } else {
-                    (ball.plane - across.dot(n)) / facing
-                };
+                let over = (seen.position - position).dot(n) / scale;
+                let on_disk = (ball.plane - across.dot(n)) / facing;
+                let plane = on_disk + (height - over / facing - on_disk) * seen.covered;
                 low = plane.clamp(low, half_chord);
             }
             let share = share * seen.inside / (2.0 * half_chord);
             total += share * (half_chord - low);
-            if is_seen {
+            if seen.covered > 0.0 {
                 let front = height - uncertainty;
                 let spread = seen.spread / scale;
                 let occupied = matter_below(front, spread, low, half_chord)

@@ -106,7 +106,7 @@ impl VolumetricObscurance {
             let mut entries = vec![(0, UNIFORM), (1, FLOAT_2D), (2, target)];
             entries.extend(variant.normals.then_some((3, FLOAT_2D)));
             entries.extend(variant.list.then_some((4, READ)));
-            entries.extend(variant.areas.then_some((5, FLOAT_2D)));
+            entries.extend(variant.areas.then_some((5, READ)));
             let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
             let module = shader::create(device, LABEL, source(variant)?);
             let points = matches!(sampling, ObscuranceSampling::Points(_));
@@ -141,7 +141,7 @@ impl VolumetricObscurance {
     /// Room for the moments of a view of `width` × `height` pixels. Only area samples read them.
     ///
     /// # Errors
-    /// [`Error::Setting`] for a size of 0, [`Error::Limit`] for one beyond the device's.
+    /// [`Error::Setting`] for a size of 0, [`Error::Limit`] for one beyond the device's buffers.
     pub fn create_moments(
         &self,
         device: &Device,
@@ -240,7 +240,7 @@ impl VolumetricObscurance {
         ];
         resources.extend(normals.map(|normals| (3, view(normals.view))));
         resources.extend(input.work.map(|work| (4, whole(work.pixels))));
-        resources.extend(moments.map(|moments| (5, view(&moments.view))));
+        resources.extend(moments.map(|moments| (5, whole(&moments.buffer))));
         let (layout, pipeline) = &self.kernels[usize::from(input.work.is_some())];
         let group = binding::group(device, LABEL, layout, &resources);
         let mut pass = compute_pass(encoder, LABEL, input.timestamps);

@@ -8,7 +8,10 @@ use super::{
     settings::{Combine, ObscuranceSampling, ObscuranceSettings},
 };
 use crate::{
-    camera::CameraParams, depth_moments::LEVELS, gbuffer::depth_step, receivers::DEPTH_RELATIVE,
+    camera::CameraParams,
+    depth_moments::{LEVELS, MomentLevel, levels},
+    gbuffer::depth_step,
+    receivers::DEPTH_RELATIVE,
 };
 
 /// What stands for infinity.
@@ -32,8 +35,8 @@ pub struct ObscuranceParams {
     pub(crate) seed: u32,
     pub(crate) box_half_width: f32,
     pub(crate) count: u32,
-    pub(crate) moment_levels: u32,
-    pub(crate) padding: [u32; 2],
+    pub(crate) padding: [u32; 3],
+    pub(crate) moment_levels: [MomentLevel; LEVELS as usize],
     pub(crate) samples: [[f32; 4]; MOST],
 }
 
@@ -45,6 +48,7 @@ impl ObscuranceParams {
         level: u32,
     ) -> Self {
         let camera = input.camera;
+        let viewport = camera.viewport();
         let samples = entries(sampling);
         let mut table = [[0.0; 4]; MOST];
         table[..samples.len()].copy_from_slice(&samples);
@@ -65,8 +69,8 @@ impl ObscuranceParams {
             seed: settings.seed,
             box_half_width: settings.box_half_width,
             count: samples.len() as u32,
-            moment_levels: LEVELS,
-            padding: [0; 2],
+            padding: [0; 3],
+            moment_levels: levels([viewport.width, viewport.height]),
             samples: table,
         }
     }

@@ -1,6 +1,14 @@
 // Moments of view depth over an area: mean, variance, the area's share that has a surface, and its share that lies in the
 // viewport. Mean and variance are those of the surfaces alone.
 
+// Where a level begins in the buffer of all, and its size in texels. A buffer, not a mip chain: drivers were seen to load from
+// the level that a neighbouring invocation asks for.
+struct MomentLevel {
+  offset: u32,
+  padding: u32,
+  size: vec2u,
+}
+
 // The moments over several areas that count by `shares`, whose sum is at most 1. Centred, in the manner of Chan, Golub and
 // LeVeque (1979): squares of depths themselves would cancel.
 fn merge_moments(a: vec4f, b: vec4f, c: vec4f, d: vec4f, shares: vec4f) -> vec4f {
