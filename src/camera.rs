@@ -301,6 +301,14 @@ impl Camera {
         DMat4::from_cols(x, y, w, DVec4::ZERO).transpose()
     }
 
+    /// Takes `(x, y, depth - far_depth, 1)`, x and y in pixels of the viewport, to homogeneous points in eye space.
+    pub(crate) fn from_pixel(&self) -> DMat4 {
+        let size = DVec3::new(self.viewport.width.into(), self.viewport.height.into(), 1.0);
+        self.unproject
+            * DMat4::from_translation(DVec3::new(-1.0, 1.0, 0.0))
+            * DMat4::from_scale(DVec3::new(2.0, -2.0, 1.0) / size)
+    }
+
     /// Planes `(normal, offset)` in the eye space of `origin`, normals inward: a visible point `p` has
     /// `dot(normal, p) + offset >= 0` for all of them. A plane at infinity accepts all.
     pub(crate) fn frustum(&self, origin: DVec3) -> [DVec4; 6] {

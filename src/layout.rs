@@ -211,7 +211,7 @@ fn structs_match_the_shaders() {
             size_of::<TemporalParams>(),
         );
     }
-    let obscurance = fields!(ObscuranceParams: camera, to_pixel, forward, level, normals, depth_step, depth_relative, radii,
+    let obscurance = fields!(ObscuranceParams: camera, to_pixel, from_pixel, forward, level, normals, depth_step, depth_relative, radii,
         radius_count, combine, max_pixels, thickness, seed, box_half_width, count, moment_levels, samples);
     for variant in ["", " normals areas list"] {
         check(

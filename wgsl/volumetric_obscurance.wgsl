@@ -21,6 +21,8 @@ struct Params {
   camera: Camera,
   // Points relative to the camera's eye to pixels of the viewport, (x w, y w, w, 0).
   to_pixel: mat4x4f,
+  // (x, y, depth - far_depth, 1), x and y in pixels of the viewport, to homogeneous points relative to the camera's eye.
+  from_pixel: mat4x4f,
   // Unit vector along which view depth grows.
   forward: vec3f,
   level: u32,
@@ -69,12 +71,15 @@ override TANGENT: bool = false;
 @group(0) @binding(5) var<storage, read> moments: array<vec4f>;
 #endif
 
-// A point of the viewport as seen: all relative to this camera's eye.
+// A point of the viewport as seen, relative to this camera's eye.
 struct Receiver {
   position: vec3f,
   normal: vec3f,
   // To the eye.
   axis: vec3f,
+  // What from_pixel gives along the axis and along the normal, and both of this point.
+  rows: mat2x4f,
+  here: vec2f,
   // How far depths may be off, along the axis.
   uncertainty: f32,
   // What the pixel's samples are reflected about.
@@ -84,7 +89,8 @@ struct Receiver {
 
 // What a sample saw.
 struct Seen {
-  position: vec3f,
+  // Relative to the receiver, along its axis and along its normal, world units.
+  offset: vec2f,
   // Half width of the box over which its depths spread, along the axis, world units.
   spread: f32,
   // The share that has a surface, of that which is in the viewport.
@@ -97,22 +103,32 @@ fn depth_at(pixel: vec2u) -> f32 {
   return textureLoad(depth_texture, params.camera.viewport.xy + pixel, 0).x;
 }
 
-// Where a point projects to, in pixels of the viewport; z is 0 where that is nowhere in it.
-fn place_of(point: vec3f) -> vec3f {
-  let h = params.to_pixel * vec4f(point, 1.0);
-  let place = h.xy / h.z;
-  let inside = h.z > 0.0 && all(place >= vec2f(0.0)) && all(place < vec2f(params.camera.viewport.zw));
-  return vec3f(place, select(0.0, 1.0, inside));
+fn is_foreground(depth: f32) -> bool {
+  return select((depth < 1.0 && depth > -1e30), (depth > 0.0 && depth < 1e30), params.camera.far_depth == 0.0);
 }
 
-// The surface that the depth buffer holds at a place, at its pixel's centre.
-fn look(place: vec3f) -> Seen {
-  if place.z == 0.0 {
-    return Seen(vec3f(0.0), 0.0, 0.0, 0.0);
+// How far along axis and normal of a receiver the surface of a depth at a pixel's centre lies, from the eye.
+fn along_rows(rows: mat2x4f, pixel: vec2f, depth: f32) -> vec2f {
+  let v = vec4f(pixel + 0.5, depth - params.camera.far_depth, 1.0);
+  let m = params.from_pixel;
+  let w = dot(vec4f(m[0].w, m[1].w, m[2].w, m[3].w), v);
+  return (v * rows) / w;
+}
+
+// Whether a place is in the viewport.
+fn is_inside(place: vec2f) -> bool {
+  return all(place >= vec2f(0.0)) && all(place < vec2f(params.camera.viewport.zw));
+}
+
+// The surface that the depth buffer holds where a point (x w, y w, w) in pixels of the viewport is, at the pixel's centre.
+fn look(receiver: Receiver, h: vec3f) -> Seen {
+  let place = floor(h.xy / h.z);
+  if !(h.z > 0.0 && is_inside(place)) {
+    return Seen(vec2f(0.0), 0.0, 0.0, 0.0);
   }
-  let pixel = vec2u(place.xy);
-  let p = unproject(params.camera, pixel, depth_at(pixel));
-  return Seen(p.xyz, 0.0, p.w, 1.0);
+  let depth = depth_at(vec2u(place));
+  let offset = along_rows(receiver.rows, place, depth) - receiver.here;
+  return Seen(offset, 0.0, select(0.0, 1.0, is_foreground(depth)), 1.0);
 }
 
 #if AREAS
@@ -146,30 +162,31 @@ fn blended_moments(place: vec2f, level: u32) -> vec4f {
 }
 
 // The depths of a square of 2^level pixels a side about a place, as a box.
-fn look_around(place: vec3f, level: f32, axis: vec3f) -> Seen {
-  if place.z == 0.0 {
-    return Seen(vec3f(0.0), 0.0, 0.0, 0.0);
+fn look_around(receiver: Receiver, h: vec3f, level: f32) -> Seen {
+  let place = h.xy / h.z;
+  if !(h.z > 0.0 && is_inside(place)) {
+    return Seen(vec2f(0.0), 0.0, 0.0, 0.0);
   }
   let clamped = clamp(level, 0.0, f32(MOMENT_LEVELS));
   let lower = u32(clamped);
   let between = clamped - f32(lower);
-  let a = blended_moments(place.xy, lower);
-  let b = blended_moments(place.xy, min(lower + 1u, MOMENT_LEVELS));
+  let a = blended_moments(place, lower);
+  let b = blended_moments(place, min(lower + 1u, MOMENT_LEVELS));
   let m = merge_moments(a, b, vec4f(0.0), vec4f(0.0), vec4f(1.0 - between, between, 0.0, 0.0));
   // The point of that view depth on the line through the place.
-  let size = vec2f(params.camera.viewport.zw);
-  let ndc = place.xy / size * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
-  let h = params.camera.unproject * vec4f(ndc, 0.0, 1.0);
+  let p = params.from_pixel * vec4f(place, 0.0, 1.0);
   var direction = params.forward;
   var base = vec3f(0.0);
   if params.camera.perspective != 0u {
-    direction = h.xyz / dot(h.xyz, params.forward);
+    direction = p.xyz / dot(p.xyz, params.forward);
   } else {
-    base = h.xyz / h.w;
+    base = p.xyz / p.w;
     base -= params.forward * dot(base, params.forward);
   }
-  let spread = params.box_half_width * sqrt(m.y) * abs(dot(direction, axis));
-  return Seen(base + direction * m.x, spread, m.z / max(m.w, 1e-6), m.w);
+  let apart = base + direction * m.x - receiver.position;
+  let offset = vec2f(dot(apart, receiver.axis), dot(apart, receiver.normal));
+  let spread = params.box_half_width * sqrt(m.y) * abs(dot(direction, receiver.axis));
+  return Seen(offset, spread, m.z / max(m.w, 1e-6), m.w);
 }
 #endif
 
@@ -219,15 +236,25 @@ fn openness(receiver: Receiver, world_radius: f32) -> f32 {
   if !(scale > 2e-7 * max_component(abs(receiver.position))) || scale < 1e-30 {
     return 1.0;
   }
-  let axis = receiver.axis;
-  let frame = tangent_frame(axis);
   let n = receiver.normal;
-  let above = select(vec3f(0.0), n, TANGENT);
-  let center = receiver.position + scale * above;
+  // Of the sphere's centre, in its radii: how far above the point it is.
+  let above = select(0.0, 1.0, TANGENT);
+  let toward_eye = dot(n, receiver.axis);
   // A normal that points away from the eye, as shading normals do at silhouettes, counts as one on the horizon.
-  let facing = max(dot(n, axis), 0.02);
+  let facing = max(toward_eye, 0.02);
   let thickness = min(params.thickness / scale, 4e6);
   let uncertainty = receiver.uncertainty / scale;
+  // The disk's axes, and its points' pixels: linear in the point. Reflected, since a reflection is linear too.
+  let frame = tangent_frame(receiver.axis);
+  let m = receiver.mirror;
+  let to_pixel = mat3x3f(params.to_pixel[0].xyz, params.to_pixel[1].xyz, params.to_pixel[2].xyz);
+  let center = to_pixel * (receiver.position + scale * above * n) + params.to_pixel[3].xyz;
+  let u = frame * vec3f(2.0 * m.x * m.xy - vec2f(1.0, 0.0), 0.0);
+  let v = frame * vec3f(2.0 * m.y * m.xy - vec2f(0.0, 1.0), 0.0);
+  let across = mat2x3f(scale * (to_pixel * u), scale * (to_pixel * v));
+#if NORMALS
+  let slope = vec2f(dot(u, n), dot(v, n));
+#endif
 #if AREAS
   let log_pixels = log2(scale / receiver.footprint);
 #endif
@@ -236,39 +263,34 @@ fn openness(receiver: Receiver, world_radius: f32) -> f32 {
   for (var i = 0u; i < params.count; i++) {
     let entry = params.samples[i];
     if POINTS {
-      var v = 2.0 * dot(entry.xyz, receiver.mirror) * receiver.mirror - entry.xyz;
+      var q = 2.0 * dot(entry.xyz, m) * m - entry.xyz;
 #if NORMALS
       // From below the surface to above it.
-      v -= select(2.0 * min(dot(v, n), 0.0), 0.0, TANGENT) * n;
+      q -= select(2.0 * min(dot(q, n), 0.0), 0.0, TANGENT) * n;
 #endif
-      let point = center + scale * v;
-      let seen = look(place_of(point));
-      let behind = dot(seen.position - point, axis) / scale;
+      let seen = look(receiver, center + scale * (to_pixel * q));
+      let behind = seen.offset.x / scale - above * toward_eye - dot(q, receiver.axis);
       let hit = behind > uncertainty && behind < thickness;
       total += entry.w * seen.inside;
       matter += select(0.0, entry.w * seen.covered, hit);
       continue;
     }
-    let mirror = receiver.mirror.xy;
-    let p = 2.0 * dot(entry.xy, mirror) * mirror - entry.xy;
-    let place = place_of(center + scale * (frame * vec3f(p, 0.0)));
 #if AREAS
-    let seen = look_around(place, log_pixels + entry.z, axis);
-    let half_chord = sqrt(max(1.0 - dot(p, p), 0.0));
+    let seen = look_around(receiver, center + across * entry.xy, log_pixels + entry.z);
+    let half_chord = sqrt(max(1.0 - dot(entry.xy, entry.xy), 0.0));
 #else
-    let seen = look(place);
+    let seen = look(receiver, center + across * entry.xy);
     let half_chord = entry.z;
 #endif
     // Farther than any sphere reaches, before it could leave the range of f32.
-    let height = clamp(dot(seen.position - center, axis) / scale, -1e6, 1e6);
+    let height = clamp(seen.offset.x / scale - above * toward_eye, -1e6, 1e6);
     var low = -half_chord;
 #if NORMALS
     // The part of the chord above the plane through the point. Where a surface is seen, the plane's height is that on its
     // line of sight, which passes a pixel's centre, not the sample: so no plane shades itself.
-    let over = dot(seen.position - receiver.position, n) / scale;
-    let on_disk = -(dot(above, n) + dot(frame * vec3f(p, 0.0), n)) / facing;
-    let plane = mix(on_disk, height - over / facing, seen.covered);
-    low = clamp(plane, low, half_chord);
+    let on_disk = -(above + dot(slope, entry.xy)) / facing;
+    let plane = select(on_disk, height - seen.offset.y / scale / facing, seen.covered > 0.0);
+    low = clamp(mix(on_disk, plane, seen.covered), low, half_chord);
 #endif
     let share = entry.w * seen.inside / (2.0 * half_chord);
     total += share * (half_chord - low);
@@ -284,7 +306,9 @@ fn openness(receiver: Receiver, world_radius: f32) -> f32 {
   if !(total > 1e-6) {
     return 1.0;
   }
-  let open = clamp(1.0 - matter / total, 0.0, 1.0);
+  let ratio = matter / total;
+  // Numbers out of a depth buffer that holds none.
+  let open = select(1.0, clamp(1.0 - ratio, 0.0, 1.0), is_finite(ratio));
 #if NORMALS
   return open;
 #else
@@ -300,17 +324,22 @@ fn obscure(pixel: vec2u) -> f32 {
     return 1.0;
   }
   let axis = to_camera(params.camera, p.xyz);
-  let step = params.depth_step + params.depth_relative * depth;
-  let nearer = unproject(params.camera, pixel, select(depth - step, depth + step, params.camera.far_depth == 0.0));
-  // The point's own depth, and that of what it is compared with.
-  let uncertainty = select(0.0, 2.0 * distance(nearer.xyz, p.xyz), nearer.w != 0.0 && step > 0.0);
 #if NORMALS
   let at = params.camera.viewport.xy + pixel;
   let n = decode_normal(params.camera, params.normals, textureLoad(normal_texture, at, 0).xyz, axis);
 #else
   let n = axis;
 #endif
-  let receiver = Receiver(p.xyz, n, axis, uncertainty, random_mirror(pixel), footprint(params.camera, p.xyz));
+  let rows = mat2x4f(vec4f(axis, 0.0) * params.from_pixel, vec4f(n, 0.0) * params.from_pixel);
+  // By the same operations as what it is compared with, so that a pixel is at no distance from itself.
+  let here = along_rows(rows, vec2f(pixel), depth);
+  let step = params.depth_step + params.depth_relative * depth;
+  let nearer = select(depth - step, depth + step, params.camera.far_depth == 0.0);
+  // The point's own depth, and that of what it is compared with.
+  let error = 2.0 * abs(along_rows(rows, vec2f(pixel), nearer).x - here.x);
+  let uncertainty = select(0.0, error, step > 0.0 && is_finite(error));
+  let mirror = random_mirror(pixel);
+  let receiver = Receiver(p.xyz, n, axis, rows, here, uncertainty, mirror, footprint(params.camera, p.xyz));
   var open = openness(receiver, params.radii.x);
   if params.radius_count > 1u {
     let second = openness(receiver, params.radii.y);

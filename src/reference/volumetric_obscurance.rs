@@ -177,13 +177,14 @@ impl DepthBuffer<'_> {
         let nearer = self
             .decoder
             .unproject(pixel, toward_eye)
-            .filter(|_| step > 0.0);
+            .filter(|_| step > 0.0)
+            .map(|nearer| (nearer - position).dot(axis).abs());
         let texel = self.normals.get(at).map(|n| DVec3::from(n.map(f64::from)));
         Some(Point {
             position,
             normal: texel.map_or(axis, |texel| self.decoder.decode_normal(texel, axis)),
             axis,
-            uncertainty: nearer.map_or(0.0, |nearer| 2.0 * nearer.distance(position)),
+            uncertainty: nearer.map_or(0.0, |apart| 2.0 * apart),
             footprint: self.camera().footprint().at(position),
         })
     }

@@ -22,6 +22,7 @@ const FAR: f32 = 1e18;
 pub struct ObscuranceParams {
     pub(crate) camera: CameraParams,
     pub(crate) to_pixel: [[f32; 4]; 4],
+    pub(crate) from_pixel: [[f32; 4]; 4],
     pub(crate) forward: [f32; 3],
     pub(crate) level: u32,
     pub(crate) normals: [u32; 2],
@@ -56,6 +57,7 @@ impl ObscuranceParams {
         Self {
             camera: camera.params(camera.eye()),
             to_pixel: camera.to_pixel().as_mat4().to_cols_array_2d(),
+            from_pixel: camera.from_pixel().as_mat4().to_cols_array_2d(),
             forward: camera.forward().as_vec3().to_array(),
             level,
             normals: input.normals.map_or([0, 0], |normals| normals.params()),
