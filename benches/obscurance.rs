@@ -219,16 +219,17 @@ impl Stage {
         ms
     }
 
-    /// Sums of squares of errors against both truths.
-    fn errors(&self, gpu: &Gpu) -> [f64; 2] {
+    /// Sums of squares of errors against both truths, and of the errors against the second.
+    fn errors(&self, gpu: &Gpu) -> [f64; 3] {
         let width = self.camera.viewport().width;
         let image: Vec<f32> = gpu.read_texture(&self.target, 0);
-        let mut sums = [0.0; 2];
+        let mut sums = [0.0; 3];
         for (pixel, truth) in &self.truth {
             let open = f64::from(image[(pixel[1] * width + pixel[0]) as usize]);
             for (sum, truth) in sums.iter_mut().zip(truth) {
                 *sum += (open - truth) * (open - truth);
             }
+            sums[2] += open - truth[1];
         }
         sums
     }
@@ -269,7 +270,7 @@ fn main() -> ExitCode {
     let mut rows = Vec::new();
     let mut holds = true;
     for volume in [ObscuranceVolume::Sphere, ObscuranceVolume::Hemisphere] {
-        let mut squares = vec![[0.0; 2]; METHODS.len()];
+        let mut squares = vec![[0.0; 3]; METHODS.len()];
         let mut times = vec![0.0; METHODS.len()];
         let mut count = 0;
         let passes: Vec<_> = METHODS
@@ -314,10 +315,10 @@ fn main() -> ExitCode {
             effort.size[0], effort.size[1]
         );
         println!(
-            "{:22} {:>7} {:>9} {:>9} {:>11} {:>14}",
-            "method", "samples", "ms", "/12 pts", "RMSE depth", "RMSE geometry"
+            "{:22} {:>7} {:>9} {:>9} {:>11} {:>14} {:>9}",
+            "method", "samples", "ms", "/12 pts", "RMSE depth", "RMSE geometry", "bias"
         );
-        let rmse = |at: usize| squares[at].map(|sum: f64| (sum / f64::from(count as u32)).sqrt());
+        let rmse = |at: usize| [0, 1].map(|truth| (squares[at][truth] / count as f64).sqrt());
         for (at, &(name, sampling, _)) in METHODS.iter().enumerate() {
             let samples = match sampling {
                 ObscuranceSampling::Points(table) => table.table().len(),
@@ -328,8 +329,9 @@ fn main() -> ExitCode {
             };
             let ratio = times[at] / times[TWELVE_POINTS];
             let [of_depth, of_geometry] = rmse(at);
+            let bias = squares[at][2] / count as f64;
             println!(
-                "{name:22} {samples:>7} {:>9.3} {ratio:>9.2} {of_depth:>11.4} {of_geometry:>14.4}",
+                "{name:22} {samples:>7} {:>9.3} {ratio:>9.2} {of_depth:>11.4} {of_geometry:>14.4} {bias:>+9.4}",
                 times[at]
             );
             rows.push(serde_json::json!({
@@ -344,6 +346,7 @@ fn main() -> ExitCode {
                 "time_over_12_points": ratio,
                 "rmse_depth": of_depth,
                 "rmse_geometry": of_geometry,
+                "bias_geometry": bias,
             }));
         }
         let better = rmse(FIVE_LINES)[0] <= rmse(TWELVE_POINTS)[0];
