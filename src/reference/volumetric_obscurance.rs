@@ -304,8 +304,36 @@ impl DepthBuffer<'_> {
         }
     }
 
+    /// What the depth buffer stands for where a point projects to: depths in between those of pixels' centres are
+    /// interpolated, which is exact on planes, since depth after projection is linear on screen there. Held against the
+    /// nearest pixel's depth, each slope would be a staircase that shades itself.
+    fn look_between(&self, point: DVec3) -> Seen {
+        let Some(place) = self.place_of(point) else {
+            return Seen::default();
+        };
+        let viewport = self.camera().viewport();
+        let last = DVec2::new(viewport.width.into(), viewport.height.into()) - 1.0;
+        let p = (place - 0.5).clamp(DVec2::ZERO, last);
+        let corner = p.floor().min((last - 1.0).max(DVec2::ZERO));
+        let f = p - corner;
+        let depth = |x: f64, y: f64| {
+            let at = (corner + DVec2::new(x, y)).min(last);
+            f64::from(self.depths[(at.y as u32 * viewport.width + at.x as u32) as usize])
+        };
+        let row = |y| depth(0.0, y) * (1.0 - f.x) + depth(1.0, y) * f.x;
+        let between = row(0.0) * (1.0 - f.y) + row(1.0) * f.y;
+        let clamped = p + 0.5;
+        let surface = self.camera().unproject(clamped.x, clamped.y, between);
+        Seen {
+            position: surface.unwrap_or_default(),
+            spread: 0.0,
+            covered: f64::from(u8::from(surface.is_some())),
+            inside: 1.0,
+        }
+    }
+
     /// The integral itself over the same depth buffer: of `side`³ points on a grid about the sphere those in it, each
-    /// projected and held against the depth at its pixel.
+    /// projected and held against the depth there.
     pub fn integral(
         &self,
         pixel: [u32; 2],
@@ -322,7 +350,7 @@ impl DepthBuffer<'_> {
             };
             let (mut matter, mut total) = (0.0, 0.0);
             for at in ball.grid(point.axis, point.normal, volume, side) {
-                let seen = self.look(at);
+                let seen = self.look_between(at);
                 let behind = (seen.position - at).dot(point.axis);
                 total += seen.inside;
                 if behind > point.uncertainty && behind < f64::from(settings.thickness) {
