@@ -5,6 +5,13 @@ use deep_screen_space::reference::sample_tables::{Domain, generate};
 /// Of all tables.
 const SEED: u32 = 1;
 
+/// Six of them, as the table has them.
+fn digits(value: f64) -> String {
+    let plain = format!("{value:.6}");
+    let (head, tail) = plain.split_at(plain.len() - 3);
+    format!("{head}_{tail}")
+}
+
 fn main() {
     for (count, center) in [
         (5, true),
@@ -23,7 +30,7 @@ fn main() {
             table.energy
         );
         for (p, share) in table.points.iter().zip(&table.shares) {
-            println!("[{:.6}, {:.6}, {share:.6}],", p.x, p.y);
+            println!("[{}, {}, {}],", digits(p.x), digits(p.y), digits(*share));
         }
     }
     for count in [6, 12, 33] {
@@ -34,7 +41,7 @@ fn main() {
             table.energy
         );
         for p in &table.points {
-            println!("[{:.6}, {:.6}, {:.6}],", p.x, p.y, p.z);
+            println!("[{}, {}, {}],", digits(p.x), digits(p.y), digits(p.z));
         }
     }
 }

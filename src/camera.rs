@@ -292,7 +292,7 @@ impl Camera {
     }
 
     /// Takes points in eye space to pixels of the viewport: `(x w, y w, w, 0)`.
-    pub(crate) fn to_pixel(&self) -> DMat4 {
+    pub(crate) fn pixel_matrix(&self) -> DMat4 {
         let clip = self.projection * DMat4::from_mat3(self.rotation);
         let w = clip.row(3);
         let half = 0.5 * DVec2::new(self.viewport.width.into(), self.viewport.height.into());
@@ -302,7 +302,7 @@ impl Camera {
     }
 
     /// Takes `(x, y, depth - far_depth, 1)`, x and y in pixels of the viewport, to homogeneous points in eye space.
-    pub(crate) fn from_pixel(&self) -> DMat4 {
+    pub(crate) fn unpixel_matrix(&self) -> DMat4 {
         let size = DVec3::new(self.viewport.width.into(), self.viewport.height.into(), 1.0);
         self.unproject
             * DMat4::from_translation(DVec3::new(-1.0, 1.0, 0.0))

@@ -42,7 +42,7 @@ impl SampleTable {
 #[derive(Clone, Debug)]
 pub struct Cells {
     domain: Domain,
-    cells: Vec<(DVec3, f64)>,
+    list: Vec<(DVec3, f64)>,
     total: f64,
 }
 
@@ -74,7 +74,7 @@ impl Cells {
         let total = cells.iter().map(|c| c.1).sum();
         Self {
             domain,
-            cells,
+            list: cells,
             total,
         }
     }
@@ -84,7 +84,7 @@ impl Cells {
         let mut shares = vec![0.0; points.len()];
         let mut centroids = vec![DVec3::ZERO; points.len()];
         let mut energy = 0.0;
-        for &(cell, weight) in &self.cells {
+        for &(cell, weight) in &self.list {
             let (mut nearest, mut least) = (0, f64::INFINITY);
             for (i, point) in points.iter().enumerate() {
                 let distance = point.distance_squared(cell);
@@ -173,7 +173,9 @@ fn relax(cells: &Cells, points: Vec<DVec3>, center: bool, rounds: u32) -> Sample
             *charge *= 1.0 + 0.1 * (1.0 - share * count).clamp(-0.5, 0.5);
         }
         let mean = charges.iter().sum::<f64>() / count;
-        charges.iter_mut().for_each(|charge| *charge /= mean);
+        for charge in &mut charges {
+            *charge /= mean;
+        }
         // Later rounds move less: what is left is to settle.
         let step = 0.1 / (1.0 + 4.0 * f64::from(round) / f64::from(rounds));
         let force = |from: DVec3, charge: f64| {
@@ -259,6 +261,9 @@ pub const TOLERANCE: f64 = 0.005;
 
 /// The table of a seed: of all tries whose shares are equal to 2 % on a coarse grid (or that with the most equal ones, if
 /// there is none) the one with the least energy, settled further on a fine grid.
+///
+/// # Panics
+/// Never: there are tries, and their costs are finite.
 pub fn generate(domain: Domain, count: usize, center: bool, seed: u32) -> SampleTable {
     let (coarse, fine) = match domain {
         Domain::Disk => (96, 512),

@@ -56,8 +56,8 @@ impl ObscuranceParams {
         let second = settings.second;
         Self {
             camera: camera.params(camera.eye()),
-            to_pixel: camera.to_pixel().as_mat4().to_cols_array_2d(),
-            from_pixel: camera.from_pixel().as_mat4().to_cols_array_2d(),
+            to_pixel: camera.pixel_matrix().as_mat4().to_cols_array_2d(),
+            from_pixel: camera.unpixel_matrix().as_mat4().to_cols_array_2d(),
             forward: camera.forward().as_vec3().to_array(),
             level,
             normals: input.normals.map_or([0, 0], |normals| normals.params()),

@@ -6,7 +6,7 @@ use crate::error::{Error, check_setting};
 /// How [`VolumetricObscurance`](crate::VolumetricObscurance) integrates over its sphere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ObscuranceSampling {
-    /// Points of the ball, each of which is matter or not (Mittring, *Finding next gen: CryEngine 2*, 2007): for comparison.
+    /// Points of the ball, each of which is matter or not (Mittring, *Finding Next Gen*, 2007): for comparison.
     /// Noisier than [`Lines`](Self::Lines) at the same cost.
     Points(BallSamples),
     /// Chords of the sphere along the line of sight, integrated exactly against the depth at one pixel (4.1).
