@@ -12,7 +12,7 @@
 //! depth value that lies farther away, 0 or 1. A depth at or beyond it is sky.
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DMat3, DMat4, DVec3, DVec4};
+use glam::{DMat3, DMat4, DVec2, DVec3, DVec4};
 
 use crate::error::Error;
 
@@ -277,6 +277,36 @@ impl Camera {
         } else {
             depth < 1.0
         }
+    }
+
+    /// Unit vector along which depth grows, in the world.
+    pub(crate) fn forward(&self) -> DVec3 {
+        if self.perspective {
+            let side = self.projection.row(3).z.signum();
+            self.rotation.transpose() * DVec3::new(0.0, 0.0, side)
+        } else {
+            // Depth grows away from an orthographic camera, unless it is reversed.
+            let away = if self.far_depth == 0.0 { -1.0 } else { 1.0 };
+            (self.unproject.z_axis.truncate() * away).normalize()
+        }
+    }
+
+    /// Takes points in eye space to pixels of the viewport: `(x w, y w, w, 0)`.
+    pub(crate) fn pixel_matrix(&self) -> DMat4 {
+        let clip = self.projection * DMat4::from_mat3(self.rotation);
+        let w = clip.row(3);
+        let half = 0.5 * DVec2::new(self.viewport.width.into(), self.viewport.height.into());
+        let x = half.x * (w + clip.row(0));
+        let y = half.y * (w - clip.row(1));
+        DMat4::from_cols(x, y, w, DVec4::ZERO).transpose()
+    }
+
+    /// Takes `(x, y, depth - far_depth, 1)`, x and y in pixels of the viewport, to homogeneous points in eye space.
+    pub(crate) fn unpixel_matrix(&self) -> DMat4 {
+        let size = DVec3::new(self.viewport.width.into(), self.viewport.height.into(), 1.0);
+        self.unproject
+            * DMat4::from_translation(DVec3::new(-1.0, 1.0, 0.0))
+            * DMat4::from_scale(DVec3::new(2.0, -2.0, 1.0) / size)
     }
 
     /// Planes `(normal, offset)` in the eye space of `origin`, normals inward: a visible point `p` has

@@ -7,6 +7,7 @@ use crate::{
     SurfelSource,
     bounced_z_buffer::params::{BouncedParams, LightsParams},
     camera::CameraParams,
+    depth_moments::DepthMomentsParams,
     disk_bounds::{DiskBoundsParams, DiskParams},
     gpu::sort::SortParams,
     hit_reconstructor::params::HitReconstructorParams,
@@ -23,6 +24,7 @@ use crate::{
     surfel_shader::params::{ShadowCameraParams, ShadowParams, SurfelShaderParams},
     surfelizer::params::{MeshParams, SurfelizerParams},
     temporal_accumulator::params::TemporalParams,
+    volumetric_obscurance::params::ObscuranceParams,
 };
 
 /// Name and offset of each field of a Rust struct.
@@ -256,6 +258,24 @@ fn structs_match_the_shaders() {
             size_of::<TemporalParams>(),
         );
     }
+    let obscurance = fields!(ObscuranceParams: camera, to_pixel, from_pixel, forward, level, normals, depth_step, depth_relative, radii,
+        radius_count, combine, max_pixels, thickness, seed, box_half_width, count, moment_levels, samples);
+    for variant in ["", " normals areas list"] {
+        check(
+            &ao,
+            &format!("volumetric_obscurance{variant}"),
+            "Params",
+            &obscurance,
+            size_of::<ObscuranceParams>(),
+        );
+    }
+    check(
+        &ao,
+        "depth_moments depth",
+        "Params",
+        &fields!(DepthMomentsParams: camera, forward, fine, coarse),
+        size_of::<DepthMomentsParams>(),
+    );
     check(
         &ao,
         "surfelizer",

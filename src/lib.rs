@@ -91,6 +91,7 @@ pub use wgpu;
 
 mod bounced_z_buffer;
 mod camera;
+mod depth_moments;
 mod disk_bounds;
 mod effect;
 mod effects;
@@ -119,6 +120,7 @@ mod surfel;
 mod surfel_shader;
 mod surfelizer;
 mod temporal_accumulator;
+mod volumetric_obscurance;
 mod work;
 
 pub use bounced_z_buffer::{
@@ -128,10 +130,11 @@ pub use bounced_z_buffer::{
     view::BouncedView,
 };
 pub use camera::{Camera, Footprint, Viewport};
+pub use depth_moments::DepthMoments;
 pub use effect::{Channels, Effect};
 pub use effects::ambient_occlusion::{AmbientOcclusion, Overlap};
 pub use error::Error;
-pub use gbuffer::{GBuffer, NormalEncoding, NormalSpace};
+pub use gbuffer::{GBuffer, NormalEncoding, NormalSpace, Normals};
 pub use geometry::{
     Geometry, IndexFormat, Indices, Instances, Material, Mesh, PositionFormat, TransformFormat,
     Vertices,
@@ -173,5 +176,10 @@ pub use surfelizer::{
 };
 pub use temporal_accumulator::{
     MotionVectors, TemporalAccumulator, TemporalHistory, TemporalInput, settings::TemporalSettings,
+};
+pub use volumetric_obscurance::{
+    ObscuranceInput, VolumetricObscurance, VolumetricObscuranceDescriptor,
+    samples::{BallSamples, DiskSamples},
+    settings::{Combine, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume, SecondRadius},
 };
 pub use work::WorkList;

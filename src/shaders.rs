@@ -6,7 +6,7 @@ use crate::{
         descriptor::{BouncedDescriptor, Lighting, Payload, Senders},
         settings::Sampling,
     },
-    disk_bounds,
+    depth_moments, disk_bounds,
     effect::{Channels, Effect},
     error::Error,
     gpu::{scan, shader::assemble, sort},
@@ -20,6 +20,7 @@ use crate::{
     surfel_shader::{self, ShadeVariant, ShadowKind},
     surfelizer,
     temporal_accumulator::{self, TemporalVariant},
+    volumetric_obscurance::{self, ObscuranceVariant},
 };
 
 /// One module.
@@ -208,6 +209,28 @@ pub fn shaders(effect: &Effect) -> Result<Vec<Shader>, Error> {
         all.push(shader(&format!("soft_shadows{list_name}"), shadows, none));
         let bounce = screen_space_gi::source(list)?;
         all.push(shader(&format!("screen_space_gi{list_name}"), bounce, none));
+    }
+    for (depth, name) in [(true, "depth_moments depth"), (false, "depth_moments")] {
+        all.push(shader(name, depth_moments::source(depth)?, none));
+    }
+    for normals in [false, true] {
+        for areas in [false, true] {
+            for list in [false, true] {
+                let name = format!(
+                    "volumetric_obscurance{}{}{}",
+                    if normals { " normals" } else { "" },
+                    if areas { " areas" } else { "" },
+                    if list { " list" } else { "" }
+                );
+                let variant = ObscuranceVariant {
+                    normals,
+                    areas,
+                    list,
+                };
+                let source = volumetric_obscurance::source(variant)?;
+                all.push(shader(&name, source, none));
+            }
+        }
     }
     Ok(all)
 }

@@ -1,10 +1,11 @@
 //! The whole on any scene: `cargo run --release --example render -- SCENE.glb --out DIR`.
 //!
 //! Ambient occlusion (`--effect ao`) is written to `ao.exr` (one channel `Y`, 1 = open) and `ao.png`, indirect light
-//! (`--effect gi`) to `gi.exr` (R, G, B: outgoing radiance of one diffuse bounce) and `gi.png`, and what it took to
-//! `stats.json`. With `--reference` the ray-traced truth comes too, and how far off the picture is.
+//! (`--effect gi`) to `gi.exr` (R, G, B: outgoing radiance of one diffuse bounce) and `gi.png`, volumetric obscurance
+//! (`--effect vo`) to `vo.exr` and `vo.png` as ambient occlusion, and what it took to `stats.json`. With `--reference` the ray-traced truth comes too, and how far off the picture is.
 
 mod methods;
+mod near;
 mod view;
 
 #[path = "../support/mod.rs"]
@@ -50,8 +51,8 @@ struct Options {
     /// Size of the picture in pixels, `WxH`.
     #[arg(long, value_parser = view::parse_size)]
     size: Option<[u32; 2]>,
-    /// What to compute: ambient occlusion, or one bounce of diffuse light.
-    #[arg(long, default_value = "ao", value_parser = ["ao", "gi"])]
+    /// What to compute: ambient occlusion, one bounce of diffuse light, or volumetric obscurance from the G-buffer alone.
+    #[arg(long, default_value = "ao", value_parser = ["ao", "gi", "vo"])]
     effect: String,
     /// How to compute it: by the bounced z-buffer, which knows what hides what, or by splatting, which adds up.
     #[arg(long, default_value = "bounced", value_parser = ["bounced", "splat"])]
@@ -119,6 +120,7 @@ fn run(options: &Options) -> Result<(), String> {
     std::fs::create_dir_all(&options.out).map_err(|e| format!("{}: {e}", options.out.display()))?;
     let gpu = Gpu::open(Ask::from_env())?;
     let rendered = match options.method.as_str() {
+        _ if options.effect == "vo" => near::obscurance(&gpu, options, &scene, &shot, radius)?,
         "splat" => methods::splat(&gpu, options, &scene, &shot, radius)?,
         _ => methods::bounced(&gpu, options, &scene, &shot, radius)?,
     };

@@ -27,9 +27,9 @@ pub struct Rendered {
     pub counts: SurfelCounts,
     /// Whether the method makes surfels of the pieces at all.
     pub surfels_made: bool,
-    passes: Vec<(&'static str, f64)>,
-    memory_bytes: u64,
-    settings: Value,
+    pub passes: Vec<(&'static str, f64)>,
+    pub memory_bytes: u64,
+    pub settings: Value,
 }
 
 impl Rendered {
@@ -79,7 +79,7 @@ const LONG: f64 = 10_000.0;
 
 /// Renders twice, since drivers compile a pipeline when it first runs: the second time is the one to report. Once, where it
 /// takes long anyway.
-fn twice<T>(
+pub fn twice<T>(
     mut render: impl FnMut() -> Result<T, deep_screen_space::Error>,
     total_ms: impl Fn(&T) -> f64,
 ) -> Result<T, String> {

@@ -16,6 +16,7 @@ const COMMON: &[(&str, &str)] = &[
     ("gbuffer", include_str!("../../wgsl/common/gbuffer.wgsl")),
     ("surface", include_str!("../../wgsl/common/surface.wgsl")),
     ("dispatch", include_str!("../../wgsl/common/dispatch.wgsl")),
+    ("moments", include_str!("../../wgsl/common/moments.wgsl")),
     ("receiver", include_str!("../../wgsl/common/receiver.wgsl")),
     ("surfel", include_str!("../../wgsl/common/surfel.wgsl")),
     ("triangle", include_str!("../../wgsl/common/triangle.wgsl")),

@@ -3,6 +3,7 @@
 
 pub mod bounced_disks;
 pub mod bounced_z_buffer;
+pub mod depth_moments;
 pub mod directions;
 pub mod effects;
 pub mod gbuffer;
@@ -15,6 +16,7 @@ pub mod multi_res_reconstructor;
 pub mod packing;
 pub mod receivers;
 pub mod reconstructor;
+pub mod sample_tables;
 pub mod screen_space_gi;
 pub mod shell_splatter;
 pub mod soft_shadows;
@@ -22,3 +24,4 @@ pub mod surfel_shader;
 pub mod surfelizer;
 pub mod temporal_accumulator;
 pub mod trace;
+pub mod volumetric_obscurance;

@@ -59,14 +59,6 @@ fn concentric_disk(square: vec2f) -> vec3f {
   return vec3f(radius * vec2f(cos(angle), sin(angle)), radius * radius);
 }
 
-// Two unit vectors that complete n to a right-handed frame (Duff et al. 2017).
-fn tangent_frame(n: vec3f) -> mat3x3f {
-  let s = select(-1.0, 1.0, n.z >= 0.0);
-  let a = -1.0 / (s + n.z);
-  let b = n.x * n.y * a;
-  return mat3x3f(vec3f(1.0 + s * n.x * n.x * a, s * b, -s * n.x), vec3f(b, s + n.y * n.y * a, -n.y), n);
-}
-
 struct Direction {
   direction: vec3f,
   // Density over solid angle with which it was drawn.

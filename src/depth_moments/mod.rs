@@ -1,0 +1,179 @@
+//! Mean and variance of view depth over squares of pixels (Volumetric Obscurance 4.2; `wgsl/depth_moments.wgsl`).
+
+use bytemuck::{Pod, Zeroable};
+use wgpu::{
+    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache, ShaderStages,
+    TextureView,
+};
+
+use crate::{
+    camera::{Camera, CameraParams},
+    error::{Error, check_setting},
+    gpu::{
+        Kernel, Timestamps,
+        binding::{self, FLOAT_2D, UNIFORM, WRITE, view, whole},
+        compute_pass, shader, storage, uniform,
+    },
+    work::level_size,
+};
+
+pub(crate) const SOURCE: &str = include_str!("../../wgsl/depth_moments.wgsl");
+
+const LABEL: &str = "deep-screen-space depth moments";
+
+/// Levels of moments: squares of 2 to 256 pixels a side.
+pub(crate) const LEVELS: u32 = 8;
+
+/// Bytes of a texel.
+const TEXEL: u64 = 16;
+
+/// Depth moments over squares of pixels, for area samples of [`VolumetricObscurance`](crate::VolumetricObscurance).
+#[derive(Debug)]
+pub struct DepthMoments {
+    /// Of the view that they are for, pixels.
+    pub(crate) size: [u32; 2],
+    pub(crate) buffer: Buffer,
+}
+
+impl DepthMoments {
+    pub(crate) fn new(device: &Device, size: [u32; 2]) -> Result<Self, Error> {
+        check_setting(
+            size[0] > 0 && size[1] > 0,
+            "view size",
+            size[0].min(size[1]),
+            "at least 1x1 pixels",
+        )?;
+        let texels = (1..=LEVELS)
+            .map(|level| level_size(size, level).map(u64::from))
+            .map(|[width, height]| width * height)
+            .sum::<u64>();
+        let usage = BufferUsages::COPY_SRC;
+        Ok(Self {
+            size,
+            buffer: storage(device, LABEL, TEXEL * texels, usage)?,
+        })
+    }
+
+    /// Level after level from squares of 2 × 2 pixels on, each ⌈width / 2^l⌉ × ⌈height / 2^l⌉ texels, rows from the top. A
+    /// texel is four `f32`s: mean and variance of the view depth of what has a surface, the square's share that has one, and
+    /// its share that lies in the viewport.
+    pub fn buffer(&self) -> &Buffer {
+        &self.buffer
+    }
+
+    /// GPU memory that it owns, bytes: about 5 a pixel.
+    pub fn memory_bytes(&self) -> u64 {
+        self.buffer.size()
+    }
+}
+
+/// `MomentLevel` of `wgsl/common/moments.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct MomentLevel {
+    pub(crate) offset: u32,
+    pub(crate) padding: u32,
+    pub(crate) size: [u32; 2],
+}
+
+/// Where the levels of a view lie in its buffer.
+pub(crate) fn levels(size: [u32; 2]) -> [MomentLevel; LEVELS as usize] {
+    let mut offset = 0;
+    std::array::from_fn(|i| {
+        let size = level_size(size, i as u32 + 1);
+        let level = MomentLevel {
+            offset,
+            padding: 0,
+            size,
+        };
+        offset += size[0] * size[1];
+        level
+    })
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct DepthMomentsParams {
+    pub(crate) camera: CameraParams,
+    pub(crate) forward: [f32; 3],
+    pub(crate) padding: u32,
+    pub(crate) fine: MomentLevel,
+    pub(crate) coarse: MomentLevel,
+}
+
+/// The pipelines: of the first level, and of the others.
+#[derive(Debug)]
+pub(crate) struct DepthMomentsPass {
+    first: (wgpu::BindGroupLayout, ComputePipeline),
+    further: (wgpu::BindGroupLayout, ComputePipeline),
+}
+
+impl DepthMomentsPass {
+    pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
+        let create = |depth: bool| -> Result<_, Error> {
+            let mut entries = vec![(0, UNIFORM), (1, WRITE)];
+            entries.extend(depth.then_some((2, FLOAT_2D)));
+            let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
+            let module = shader::create(device, LABEL, source(depth)?);
+            let pipeline = Kernel {
+                label: LABEL,
+                module: &module,
+                entry: "halve",
+                layouts: &[&layout],
+                constants: &[],
+                cache,
+            }
+            .create(device);
+            Ok((layout, pipeline))
+        };
+        Ok(Self {
+            first: create(true)?,
+            further: create(false)?,
+        })
+    }
+
+    pub fn record(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        depth: &TextureView,
+        camera: &Camera,
+        moments: &DepthMoments,
+        timestamps: Option<Timestamps<'_>>,
+    ) {
+        let pixels = MomentLevel {
+            size: moments.size,
+            ..MomentLevel::default()
+        };
+        let mut fine = pixels;
+        let mut pass = compute_pass(encoder, LABEL, timestamps);
+        for (i, coarse) in levels(moments.size).into_iter().enumerate() {
+            let params = uniform(
+                device,
+                LABEL,
+                &DepthMomentsParams {
+                    camera: camera.params(camera.eye()),
+                    forward: camera.forward().as_vec3().to_array(),
+                    padding: 0,
+                    fine,
+                    coarse,
+                },
+            );
+            let (layout, pipeline) = if i == 0 { &self.first } else { &self.further };
+            let mut resources = vec![(0, whole(&params)), (1, whole(&moments.buffer))];
+            resources.extend((i == 0).then(|| (2, view(depth))));
+            let group = binding::group(device, LABEL, layout, &resources);
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &group, &[]);
+            let [width, height] = coarse.size.map(|n| n.div_ceil(8));
+            pass.dispatch_workgroups(width, height, 1);
+            fine = coarse;
+        }
+    }
+}
+
+/// The module, of the first level or of the others.
+pub(crate) fn source(depth: bool) -> Result<String, Error> {
+    let flags: &[&str] = if depth { &["DEPTH"] } else { &[] };
+    shader::assemble("depth_moments", SOURCE, flags, &[])
+}

@@ -1,0 +1,298 @@
+//! The share of the space about a point that lies in front of the depth buffer (Loos and Sloan, *Volumetric Obscurance*, 2010;
+//! `wgsl/volumetric_obscurance.wgsl`).
+
+pub(crate) mod params;
+pub(crate) mod samples;
+pub(crate) mod settings;
+
+use wgpu::{
+    CommandEncoder, ComputePipeline, Device, PipelineCache, ShaderStages, TextureFormat,
+    TextureView, TextureViewDimension,
+};
+
+use self::{
+    params::ObscuranceParams,
+    settings::{ObscuranceSampling, ObscuranceSettings, ObscuranceVolume},
+};
+use crate::{
+    camera::Camera,
+    depth_moments::{DepthMoments, DepthMomentsPass},
+    error::Error,
+    gbuffer::{Normals, check_depth},
+    gpu::{
+        Kernel, Timestamps,
+        binding::{self, FLOAT_2D, READ, UNIFORM, view, whole},
+        check_timestamps, compute_pass, shader, uniform,
+    },
+    work::{WorkList, check_work, dispatch_work},
+};
+
+pub(crate) const SOURCE: &str = include_str!("../../wgsl/volumetric_obscurance.wgsl");
+
+const LABEL: &str = "deep-screen-space volumetric obscurance";
+
+/// The only format of its targets.
+const TARGET: TextureFormat = TextureFormat::R32Float;
+
+/// What a [`VolumetricObscurance`] is made for.
+#[derive(Clone, Copy, Debug)]
+pub struct VolumetricObscuranceDescriptor<'a> {
+    /// How to integrate.
+    pub sampling: ObscuranceSampling,
+    /// Over what.
+    pub volume: ObscuranceVolume,
+    /// Compiled pipelines from an earlier run, if any.
+    pub cache: Option<&'a PipelineCache>,
+}
+
+/// Obscurance from a depth buffer, with or without normals: near-field detail, at a few reads a pixel.
+///
+/// For each pixel the share of a sphere of a constant radius in the world that is open, which is to say in front of what the
+/// depth buffer shows. The sphere is cut into chords along the line from the pixel's point to the eye, as if lines of sight
+/// through it were parallel: the error of that is about the sphere's radius over its distance, which
+/// [`ObscuranceSettings::max_pixels`] bounds. What is seen outside of the viewport is unknown: such samples do
+/// not count. The sky is open.
+///
+/// Noisy, since each pixel has samples of its own: meant to be smoothed, by
+/// [`TemporalAccumulator`](crate::TemporalAccumulator) for instance, except for [`ObscuranceSampling::OneArea`].
+///
+/// Holds pipelines only; one serves any number of views.
+#[derive(Debug)]
+pub struct VolumetricObscurance {
+    sampling: ObscuranceSampling,
+    volume: ObscuranceVolume,
+    moments: Option<DepthMomentsPass>,
+    /// Over all pixels, and over a list.
+    kernels: [(wgpu::BindGroupLayout, ComputePipeline); 2],
+}
+
+/// What one recording of a [`VolumetricObscurance`] works on.
+#[derive(Clone, Copy, Debug)]
+pub struct ObscuranceInput<'a> {
+    /// Depth, as [`GBuffer::depth`](crate::GBuffer::depth).
+    pub depth: &'a TextureView,
+    /// Normals ([`GBuffer::normals`](crate::GBuffer::normals)); [`ObscuranceVolume::Sphere`] reads none, the others need them.
+    pub normals: Option<Normals<'a>>,
+    /// The camera of both.
+    pub camera: &'a Camera,
+    /// The depth's moments, recorded for this frame; area samples alone read them, and need them.
+    pub moments: Option<&'a DepthMoments>,
+    /// The pixels to compute; all, if left out.
+    pub work: Option<&'a WorkList<'a>>,
+    /// Where to write the open share, 0…1 with 1 for open, sky among it: `R32Float`, usage `STORAGE_BINDING`, at least of the
+    /// viewport's size (that of the work list's level), from the corner. Pixels that are not computed stay.
+    pub target: &'a TextureView,
+    /// Where to write begin and end times, if anywhere.
+    pub timestamps: Option<Timestamps<'a>>,
+}
+
+impl VolumetricObscurance {
+    /// Compiles the pipelines.
+    ///
+    /// # Errors
+    /// None today; shaders are assembled as the caller's effects are.
+    pub fn new(
+        device: &Device,
+        descriptor: &VolumetricObscuranceDescriptor<'_>,
+    ) -> Result<Self, Error> {
+        let &VolumetricObscuranceDescriptor {
+            sampling,
+            volume,
+            cache,
+        } = descriptor;
+        let create = |list: bool| -> Result<_, Error> {
+            let variant = ObscuranceVariant::new(sampling, volume, list);
+            let target = binding::store(TARGET, TextureViewDimension::D2);
+            let mut entries = vec![(0, UNIFORM), (1, FLOAT_2D), (2, target)];
+            entries.extend(variant.normals.then_some((3, FLOAT_2D)));
+            entries.extend(variant.list.then_some((4, READ)));
+            entries.extend(variant.areas.then_some((5, READ)));
+            let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
+            let module = shader::create(device, LABEL, source(variant)?);
+            let points = matches!(sampling, ObscuranceSampling::Points(_));
+            let tangent = volume == ObscuranceVolume::TangentSphere;
+            let pipeline = Kernel {
+                label: LABEL,
+                module: &module,
+                entry: "obscurance_of_pixels",
+                layouts: &[&layout],
+                constants: &[
+                    ("POINTS", f64::from(u8::from(points))),
+                    ("TANGENT", f64::from(u8::from(tangent))),
+                ],
+                cache,
+            }
+            .create(device);
+            Ok((layout, pipeline))
+        };
+        let moments = if takes_areas(sampling) {
+            Some(DepthMomentsPass::new(device, cache)?)
+        } else {
+            None
+        };
+        Ok(Self {
+            sampling,
+            volume,
+            moments,
+            kernels: [create(false)?, create(true)?],
+        })
+    }
+
+    /// Room for the moments of a view of `width` × `height` pixels. Only area samples read them.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for a size of 0, [`Error::Limit`] for one beyond the device's buffers.
+    pub fn create_moments(
+        &self,
+        device: &Device,
+        width: u32,
+        height: u32,
+    ) -> Result<DepthMoments, Error> {
+        DepthMoments::new(device, [width, height])
+    }
+
+    /// Records the depth's moments: once a frame, before all recordings that read them.
+    ///
+    /// # Errors
+    /// [`Error::Format`], [`Error::Size`], [`Error::Shape`] or [`Error::Usage`] for the depth, [`Error::Mismatch`] for moments
+    /// of another size than the viewport's, or where the pass does not sample areas.
+    pub fn record_moments(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        depth: &TextureView,
+        camera: &Camera,
+        moments: &DepthMoments,
+        timestamps: Option<Timestamps<'_>>,
+    ) -> Result<(), Error> {
+        check_timestamps(timestamps)?;
+        check_depth("depth", depth, camera.viewport())?;
+        check_moments(moments, camera)?;
+        let Some(pass) = &self.moments else {
+            return Err(Error::Mismatch {
+                name: "VolumetricObscurance",
+                found: format!("{:?}", self.sampling),
+                needed: "Areas or OneArea, which read moments".into(),
+            });
+        };
+        pass.record(device, encoder, depth, camera, moments, timestamps);
+        Ok(())
+    }
+
+    /// Records the obscurance of the viewport's pixels, or of a list's.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for the settings and the list's level, [`Error::Format`], [`Error::Size`], [`Error::Shape`] or
+    /// [`Error::Usage`] for a texture, [`Error::Buffer`] for the list's, [`Error::Mismatch`] where normals or moments are
+    /// missing, or are of another view.
+    pub fn record(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        input: &ObscuranceInput<'_>,
+        settings: &ObscuranceSettings,
+    ) -> Result<(), Error> {
+        settings.validate()?;
+        check_timestamps(input.timestamps)?;
+        let viewport = input.camera.viewport();
+        check_depth("ObscuranceInput::depth", input.depth, viewport)?;
+        let missing = |name, needed: String| Error::Mismatch {
+            name,
+            found: "none".into(),
+            needed,
+        };
+        let normals = if self.volume == ObscuranceVolume::Sphere {
+            None
+        } else {
+            const NAME: &str = "ObscuranceInput::normals";
+            let normals = input
+                .normals
+                .ok_or_else(|| missing(NAME, format!("some, for {:?}", self.volume)))?;
+            normals.check(NAME, viewport)?;
+            Some(normals)
+        };
+        let moments = if takes_areas(self.sampling) {
+            const NAME: &str = "ObscuranceInput::moments";
+            let moments = input
+                .moments
+                .ok_or_else(|| missing(NAME, format!("some, for {:?}", self.sampling)))?;
+            check_moments(moments, input.camera)?;
+            Some(moments)
+        } else {
+            None
+        };
+        let level = check_work(
+            "ObscuranceInput::target",
+            input.work,
+            viewport,
+            input.target,
+            TARGET,
+        )?;
+        let params = uniform(
+            device,
+            LABEL,
+            &ObscuranceParams::new(settings, self.sampling, input, level),
+        );
+        let mut resources = vec![
+            (0, whole(&params)),
+            (1, view(input.depth)),
+            (2, view(input.target)),
+        ];
+        resources.extend(normals.map(|normals| (3, view(normals.view))));
+        resources.extend(input.work.map(|work| (4, whole(work.pixels))));
+        resources.extend(moments.map(|moments| (5, whole(&moments.buffer))));
+        let (layout, pipeline) = &self.kernels[usize::from(input.work.is_some())];
+        let group = binding::group(device, LABEL, layout, &resources);
+        let mut pass = compute_pass(encoder, LABEL, input.timestamps);
+        dispatch_work(&mut pass, pipeline, &group, input.work, viewport);
+        Ok(())
+    }
+}
+
+fn takes_areas(sampling: ObscuranceSampling) -> bool {
+    matches!(
+        sampling,
+        ObscuranceSampling::Areas(_) | ObscuranceSampling::OneArea
+    )
+}
+
+fn check_moments(moments: &DepthMoments, camera: &Camera) -> Result<(), Error> {
+    let viewport = camera.viewport();
+    let [width, height] = moments.size;
+    if [width, height] != [viewport.width, viewport.height] {
+        return Err(Error::Mismatch {
+            name: "DepthMoments",
+            found: format!("{width}x{height} pixels"),
+            needed: format!("{}x{}", viewport.width, viewport.height),
+        });
+    }
+    Ok(())
+}
+
+/// What a module binds.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ObscuranceVariant {
+    pub normals: bool,
+    pub areas: bool,
+    pub list: bool,
+}
+
+impl ObscuranceVariant {
+    fn new(sampling: ObscuranceSampling, volume: ObscuranceVolume, list: bool) -> Self {
+        Self {
+            normals: volume != ObscuranceVolume::Sphere,
+            areas: takes_areas(sampling),
+            list,
+        }
+    }
+}
+
+pub(crate) fn source(variant: ObscuranceVariant) -> Result<String, Error> {
+    let flags = [
+        (variant.normals, "NORMALS"),
+        (variant.areas, "AREAS"),
+        (variant.list, "LIST"),
+    ];
+    let flags: Vec<_> = flags.iter().filter(|f| f.0).map(|f| f.1).collect();
+    shader::assemble("volumetric_obscurance", SOURCE, &flags, &[])
+}
