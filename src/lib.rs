@@ -108,6 +108,7 @@ pub mod scenes;
 mod sender_bounds;
 mod shaders;
 mod shell_splatter;
+pub mod spherical_gaussian;
 mod surfel;
 mod surfel_shader;
 mod surfelizer;

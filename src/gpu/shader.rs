@@ -51,6 +51,10 @@ const COMMON: &[(&str, &str)] = &[
         "directions",
         include_str!("../../wgsl/common/directions.wgsl"),
     ),
+    (
+        "spherical_gaussian",
+        include_str!("../../wgsl/common/spherical_gaussian.wgsl"),
+    ),
     ("ggx", include_str!("../../wgsl/common/ggx.wgsl")),
     (
         "effect_types",
