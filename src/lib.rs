@@ -13,6 +13,8 @@
 //! * [`BouncedZBuffer`] in place of the splatter, where it matters what hides what: what each pixel meets first along N
 //!   directions of its own, exactly. Its noise falls with N, and nothing else is approximate.
 //! * [`HitReconstructor`]: ambient visibility, or one bounce of diffuse or glossy light, from those hits and the neighbours'.
+//! * [`SgHull`], for many lights or an expensive gather: light is gathered at the vertices of quads that follow what is
+//!   seen, as spherical Gaussians ([`spherical_gaussian`]), and integrated at every pixel.
 //! * [`TemporalAccumulator`], if the caller likes: the mean of the picture over frames. Without it no state survives a
 //!   frame.
 //!
@@ -103,9 +105,11 @@ mod receivers;
 mod reconstructor;
 #[cfg(feature = "reference")]
 pub mod reference;
+mod reflective_shadow_map;
 #[cfg(feature = "scenes")]
 pub mod scenes;
 mod sender_bounds;
+mod sg_hull;
 mod shaders;
 mod shell_splatter;
 pub mod spherical_gaussian;
@@ -138,7 +142,15 @@ pub use light::Light;
 pub use reconstructor::{
     Reconstructor, ReconstructorInput, ReconstructorView, settings::ReconstructorSettings,
 };
+pub use reflective_shadow_map::{
+    ReflectiveShadowMap, ReflectiveShadowMapInput, ReflectiveShadowMapView,
+};
 pub use sender_bounds::SenderBounds;
+pub use sg_hull::{
+    HullSegment, HullVertex, SgHull, SgHullCounts, SgHullDescriptor, SgHullInput, SgHullView,
+    gatherer::{Gatherer, PolygonLight},
+    settings::{Components, SgHullSettings, SgHullSize},
+};
 pub use shaders::{Shader, shaders};
 pub use shell_splatter::{
     ClusterInput, ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatView, SurfelClusters,

@@ -166,7 +166,7 @@ macro_rules! spherical_gaussian {
                         $module::horner(
                             3.75 / x,
                             &[
-                                0.398_942_28,
+                                0.398_942_3,
                                 -0.039_880_24,
                                 -0.003_620_18,
                                 0.001_638_01,
@@ -257,9 +257,9 @@ macro_rules! spherical_gaussian {
             /// `(e^(−x) − 1 + x) / x²`. Below 1, where that cancels, its Taylor series.
             pub(super) fn second_remainder(x: $float) -> $float {
                 if x < 1.0 {
-                    (3..$terms)
+                    (3_u8..$terms)
                         .rev()
-                        .fold(1.0, |sum, n| 1.0 - sum * x / n as $float)
+                        .fold(1.0, |sum, n| 1.0 - sum * x / $float::from(n))
                         / 2.0
                 } else {
                     (1.0 - first_remainder(x)) / x
@@ -269,9 +269,9 @@ macro_rules! spherical_gaussian {
             /// `(1 − (1 + x) e^(−x)) / x² = ∫₀¹ s e^(−x s) ds`. Below 1 by the series of `e^(−x) (e^x − 1 − x) / x²`.
             pub(super) fn first_moment(x: $float) -> $float {
                 if x < 1.0 {
-                    let series = (3..$terms)
+                    let series = (3_u8..$terms)
                         .rev()
-                        .fold(1.0, |sum, n| 1.0 + sum * x / n as $float);
+                        .fold(1.0, |sum, n| 1.0 + sum * x / $float::from(n));
                     (-x).exp() * series / 2.0
                 } else {
                     (first_remainder(x) - (-x).exp()) / x
@@ -319,11 +319,11 @@ macro_rules! spherical_gaussian {
                     * horner(
                         y,
                         &[
-                            0.254_829_592,
-                            -0.284_496_736,
-                            1.421_413_741,
-                            -1.453_152_027,
-                            1.061_405_429,
+                            0.254_829_6,
+                            -0.284_496_75,
+                            1.421_413_7,
+                            -1.453_152,
+                            1.061_405_4,
                         ],
                     )
             }

@@ -2,8 +2,11 @@
 //!
 //! Ambient occlusion (`--effect ao`) is written to `ao.exr` (one channel `Y`, 1 = open) and `ao.png`, indirect light
 //! (`--effect gi`) to `gi.exr` (R, G, B: outgoing radiance of one diffuse bounce) and `gi.png`, and what it took to
-//! `stats.json`. With `--reference` the ray-traced truth comes too, and how far off the picture is.
+//! `stats.json`. `--effect sg` writes `sg.exr` and `sg.png`: a bounce from a reflective shadow map, without shadows,
+//! gathered on the sparse hull of what is seen. With `--reference` the ray-traced truth comes too (for `sg` the same light
+//! gathered at every pixel), and how far off the picture is.
 
+mod hull;
 mod methods;
 mod view;
 
@@ -50,8 +53,8 @@ struct Options {
     /// Size of the picture in pixels, `WxH`.
     #[arg(long, value_parser = view::parse_size)]
     size: Option<[u32; 2]>,
-    /// What to compute: ambient occlusion, or one bounce of diffuse light.
-    #[arg(long, default_value = "ao", value_parser = ["ao", "gi"])]
+    /// What to compute: ambient occlusion, one bounce of diffuse light, or one from a reflective shadow map on a hull.
+    #[arg(long, default_value = "ao", value_parser = ["ao", "gi", "sg"])]
     effect: String,
     /// How to compute it: by the bounced z-buffer, which knows what hides what, or by splatting, which adds up.
     #[arg(long, default_value = "bounced", value_parser = ["bounced", "splat"])]
@@ -118,6 +121,9 @@ fn run(options: &Options) -> Result<(), String> {
     };
     std::fs::create_dir_all(&options.out).map_err(|e| format!("{}: {e}", options.out.display()))?;
     let gpu = Gpu::open(Ask::from_env())?;
+    if options.effect == "sg" {
+        return hull::render(&gpu, options, &scene, &shot);
+    }
     let rendered = match options.method.as_str() {
         "splat" => methods::splat(&gpu, options, &scene, &shot, radius)?,
         _ => methods::bounced(&gpu, options, &scene, &shot, radius)?,

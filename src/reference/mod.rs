@@ -13,6 +13,7 @@ pub mod light;
 pub mod packing;
 pub mod receivers;
 pub mod reconstructor;
+pub mod sg_hull;
 pub mod shell_splatter;
 pub mod surfel_shader;
 pub mod surfelizer;
