@@ -270,6 +270,22 @@ impl Camera {
         ))
     }
 
+    /// Unit vector along the axis, away from the camera: what distances from its eye's plane grow along.
+    pub(crate) fn axis(&self) -> DVec3 {
+        let axis = if self.perspective {
+            // The clip space's w.
+            self.rotation.transpose() * self.projection.row(3).truncate()
+        } else {
+            let deeper = self.unproject.z_axis.truncate();
+            if self.far_depth == 0.0 {
+                -deeper
+            } else {
+                deeper
+            }
+        };
+        axis.normalize_or_zero()
+    }
+
     /// Whether a depth value is nearer than the background.
     fn is_foreground(&self, depth: f64) -> bool {
         if self.far_depth == 0.0 {

@@ -3,8 +3,8 @@
 use std::mem::offset_of;
 
 use crate::{
-    AmbientOcclusion, Channels, Effect, Material, Piece, SurfelCounts, SurfelRadiance,
-    SurfelSource,
+    AmbientOcclusion, Channels, Effect, Material, Piece, PolygonLight, SurfelCounts,
+    SurfelRadiance, SurfelSource,
     bounced_z_buffer::params::{BouncedParams, LightsParams},
     camera::CameraParams,
     depth_moments::DepthMomentsParams,
@@ -16,8 +16,10 @@ use crate::{
     multi_res_reconstructor::params::MultiResReconstructorParams,
     receivers::ReceiversParams,
     reconstructor::params::ReconstructorParams,
+    reflective_shadow_map::ReflectiveShadowMapParams,
     screen_space_gi::params::ScreenSpaceGiParams,
     sender_bounds::SenderBoundsParams,
+    sg_hull::params::{HullSegment, HullVertex, SgHullCounts, SgHullParams},
     shaders,
     shell_splatter::params::SplatParams,
     soft_shadows::params::SoftShadowsParams,
@@ -245,6 +247,36 @@ fn structs_match_the_shaders() {
         &disks,
         size_of::<DiskParams>(),
     );
+    let hull = fields!(SgHullParams: camera, along, capacity, grid, tiles, step, plane_distance, gap, normal_cosine, quad);
+    let segment = fields!(HullSegment: rect, nearest, farthest, anchor, normal);
+    let counts = fields!(SgHullCounts: segments, fallbacks, fallback_pixels, draw, dispatch);
+    let vertex = fields!(HullVertex: position, depth, red, green, blue, excess);
+    for stage in ["sg_hull_gather", "sg_hull albedo"] {
+        check(&ao, stage, "HullVertex", &vertex, size_of::<HullVertex>());
+    }
+    let light = fields!(PolygonLight: a, red, b, green, c, blue);
+    for stage in ["sg_hull_gather polygons", "reflective_shadow_map"] {
+        check(
+            &ao,
+            stage,
+            "PolygonLight",
+            &light,
+            size_of::<PolygonLight>(),
+        );
+    }
+    let map = fields!(ReflectiveShadowMapParams: camera, light);
+    check(
+        &ao,
+        "reflective_shadow_map",
+        "Params",
+        &map,
+        size_of::<ReflectiveShadowMapParams>(),
+    );
+    for stage in ["sg_hull_segment", "sg_hull_gather", "sg_hull albedo"] {
+        check(&ao, stage, "Params", &hull, size_of::<SgHullParams>());
+        check(&ao, stage, "Segment", &segment, size_of::<HullSegment>());
+        check(&ao, stage, "Counters", &counts, size_of::<SgHullCounts>());
+    }
     let sort = fields!(SortParams: shift, blocks);
     check(&ao, "sort", "Params", &sort, size_of::<SortParams>());
     let temporal = fields!(TemporalParams: previous, project, viewport, motion_scale, max_frames, depth_tolerance,

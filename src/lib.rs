@@ -16,6 +16,8 @@
 //! * [`MultiResMask`] and [`MultiResReconstructor`]: an effect at the resolution that each part of the image needs, and
 //!   [`SoftShadows`] and [`ScreenSpaceGi`], which can be computed so (Besenthal, Maisch and Ropinski, *Multi-Resolution
 //!   Rendering for Computationally Expensive Lighting Effects*, 2019).
+//! * [`SgHull`], for many lights or an expensive gather: light is gathered at the vertices of quads that follow what is
+//!   seen, as spherical Gaussians ([`spherical_gaussian`]), and integrated at every pixel.
 //! * [`TemporalAccumulator`], if the caller likes: the mean of the picture over frames. Without it no state survives a
 //!   frame.
 //!
@@ -109,13 +111,16 @@ mod receivers;
 mod reconstructor;
 #[cfg(feature = "reference")]
 pub mod reference;
+mod reflective_shadow_map;
 #[cfg(feature = "scenes")]
 pub mod scenes;
 mod screen_space_gi;
 mod sender_bounds;
+mod sg_hull;
 mod shaders;
 mod shell_splatter;
 mod soft_shadows;
+pub mod spherical_gaussian;
 mod surfel;
 mod surfel_shader;
 mod surfelizer;
@@ -156,8 +161,16 @@ pub use multi_res_reconstructor::{
 pub use reconstructor::{
     Reconstructor, ReconstructorInput, ReconstructorView, settings::ReconstructorSettings,
 };
+pub use reflective_shadow_map::{
+    ReflectiveShadowMap, ReflectiveShadowMapInput, ReflectiveShadowMapView,
+};
 pub use screen_space_gi::{ScreenSpaceGi, ScreenSpaceGiInput, settings::ScreenSpaceGiSettings};
 pub use sender_bounds::SenderBounds;
+pub use sg_hull::{
+    HullSegment, HullVertex, SgHull, SgHullCounts, SgHullDescriptor, SgHullInput, SgHullView,
+    gatherer::{Gatherer, PolygonLight},
+    settings::{Components, SgHullSettings, SgHullSize},
+};
 pub use shaders::{Shader, shaders};
 pub use shell_splatter::{
     ClusterInput, ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatView, SurfelClusters,

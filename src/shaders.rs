@@ -14,7 +14,11 @@ use crate::{
     multi_res_mask::{self, MaskStage},
     multi_res_reconstructor, receivers,
     reconstructor::{self, ReconstructorVariant},
-    screen_space_gi, sender_bounds,
+    reflective_shadow_map, screen_space_gi, sender_bounds,
+    sg_hull::{
+        self, HullStage,
+        gatherer::{LIGHTS, POLYGONS},
+    },
     shell_splatter::{self, SplatVariant},
     soft_shadows,
     surfel_shader::{self, ShadeVariant, ShadowKind},
@@ -162,6 +166,39 @@ pub fn shaders(effect: &Effect) -> Result<Vec<Shader>, Error> {
                 all.push(shader(&name, source, none));
             }
         }
+    }
+    for (stage, name) in [
+        (HullStage::Segment, "sg_hull_segment"),
+        (HullStage::Plan, "sg_hull_plan"),
+    ] {
+        all.push(shader(name, sg_hull::source("", stage, false)?, none));
+    }
+    all.push(shader(
+        "reflective_shadow_map",
+        assemble(
+            "reflective_shadow_map",
+            reflective_shadow_map::SOURCE,
+            &[],
+            &[],
+        )?,
+        none,
+    ));
+    for (gatherer, gatherer_name) in [(POLYGONS, "polygons"), (LIGHTS, "lights")] {
+        let source = sg_hull::source(gatherer, HullStage::Gather, false)?;
+        all.push(shader(
+            &format!("sg_hull_gather {gatherer_name}"),
+            source,
+            none,
+        ));
+        for (albedo, albedo_name) in [(false, ""), (true, " albedo")] {
+            let source = sg_hull::source(gatherer, HullStage::Exact, albedo)?;
+            let name = format!("sg_hull_exact {gatherer_name}{albedo_name}");
+            all.push(shader(&name, source, none));
+        }
+    }
+    for (albedo, name) in [(false, "sg_hull"), (true, "sg_hull albedo")] {
+        let source = sg_hull::source("", HullStage::Shade, albedo)?;
+        all.push(shader(name, source, none));
     }
     for smoothed in [false, true] {
         let name = if smoothed {

@@ -2,8 +2,12 @@
 //!
 //! Ambient occlusion (`--effect ao`) is written to `ao.exr` (one channel `Y`, 1 = open) and `ao.png`, indirect light
 //! (`--effect gi`) to `gi.exr` (R, G, B: outgoing radiance of one diffuse bounce) and `gi.png`, volumetric obscurance
-//! (`--effect vo`) to `vo.exr` and `vo.png` as ambient occlusion, and what it took to `stats.json`. With `--reference` the ray-traced truth comes too, and how far off the picture is.
+//! (`--effect vo`) to `vo.exr` and `vo.png` as ambient occlusion, and what it took to `stats.json`. `--effect sg` writes
+//! `sg.exr` and `sg.png`: a bounce from a reflective shadow map, without shadows, gathered on the sparse hull of what is
+//! seen. With `--reference` the ray-traced truth comes too (for `sg` the same light gathered at every pixel), and how far
+//! off the picture is.
 
+mod hull;
 mod methods;
 mod near;
 mod view;
@@ -51,8 +55,9 @@ struct Options {
     /// Size of the picture in pixels, `WxH`.
     #[arg(long, value_parser = view::parse_size)]
     size: Option<[u32; 2]>,
-    /// What to compute: ambient occlusion, one bounce of diffuse light, or volumetric obscurance from the G-buffer alone.
-    #[arg(long, default_value = "ao", value_parser = ["ao", "gi", "vo"])]
+    /// What to compute: ambient occlusion, one bounce of diffuse light, volumetric obscurance from the G-buffer alone, or a
+    /// bounce from a reflective shadow map on a hull.
+    #[arg(long, default_value = "ao", value_parser = ["ao", "gi", "vo", "sg"])]
     effect: String,
     /// How to compute it: by the bounced z-buffer, which knows what hides what, or by splatting, which adds up.
     #[arg(long, default_value = "bounced", value_parser = ["bounced", "splat"])]
@@ -119,6 +124,9 @@ fn run(options: &Options) -> Result<(), String> {
     };
     std::fs::create_dir_all(&options.out).map_err(|e| format!("{}: {e}", options.out.display()))?;
     let gpu = Gpu::open(Ask::from_env())?;
+    if options.effect == "sg" {
+        return hull::render(&gpu, options, &scene, &shot);
+    }
     let rendered = match options.method.as_str() {
         _ if options.effect == "vo" => near::obscurance(&gpu, options, &scene, &shot, radius)?,
         "splat" => methods::splat(&gpu, options, &scene, &shot, radius)?,

@@ -7,6 +7,7 @@ pub mod ambient_occlusion;
 pub mod bounced;
 pub mod files;
 pub mod gpu;
+pub mod hull;
 pub mod multires;
 pub mod presets;
 pub mod raster;

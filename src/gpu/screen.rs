@@ -1,7 +1,7 @@
 //! Fragment passes over the camera's viewport, into a texture of the caller's.
 
 use wgpu::{
-    BindGroup, BindGroupLayout, CommandEncoder, Device, PipelineCache, RenderPipeline,
+    BindGroup, BindGroupLayout, CommandEncoder, Device, PipelineCache, RenderPass, RenderPipeline,
     ShaderModule, TextureFormat, TextureUsages, TextureView,
 };
 
@@ -45,9 +45,41 @@ pub(crate) struct Screen<'a> {
 
 impl Screen<'_> {
     pub fn create(&self, device: &Device) -> RenderPipeline {
+        Drawing {
+            label: self.label,
+            module: self.module,
+            vertex: "cover",
+            fragment: self.entry,
+            layouts: &[self.layout],
+            constants: self.constants,
+            topology: wgpu::PrimitiveTopology::TriangleList,
+            target: self.target,
+            cache: self.cache,
+        }
+        .create(device)
+    }
+}
+
+/// Everything that a pipeline is made from that draws what its vertex shader makes up.
+pub(crate) struct Drawing<'a> {
+    pub label: &'a str,
+    pub module: &'a ShaderModule,
+    pub vertex: &'a str,
+    pub fragment: &'a str,
+    pub layouts: &'a [&'a BindGroupLayout],
+    /// Of the fragment shader.
+    pub constants: &'a [(&'a str, f64)],
+    pub topology: wgpu::PrimitiveTopology,
+    pub target: TextureFormat,
+    pub cache: Option<&'a PipelineCache>,
+}
+
+impl Drawing<'_> {
+    pub fn create(&self, device: &Device) -> RenderPipeline {
+        let layouts: Vec<_> = self.layouts.iter().copied().map(Some).collect();
         let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some(self.label),
-            bind_group_layouts: &[Some(self.layout)],
+            bind_group_layouts: &layouts,
             immediate_size: 0,
         });
         device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
@@ -55,16 +87,19 @@ impl Screen<'_> {
             layout: Some(&layout),
             vertex: wgpu::VertexState {
                 module: self.module,
-                entry_point: Some("cover"),
+                entry_point: Some(self.vertex),
                 compilation_options: wgpu::PipelineCompilationOptions::default(),
                 buffers: &[],
             },
-            primitive: wgpu::PrimitiveState::default(),
+            primitive: wgpu::PrimitiveState {
+                topology: self.topology,
+                ..Default::default()
+            },
             depth_stencil: None,
             multisample: wgpu::MultisampleState::default(),
             fragment: Some(wgpu::FragmentState {
                 module: self.module,
-                entry_point: Some(self.entry),
+                entry_point: Some(self.fragment),
                 compilation_options: wgpu::PipelineCompilationOptions {
                     constants: self.constants,
                     ..Default::default()
@@ -88,6 +123,21 @@ pub(crate) fn draw(
     timestamps: Option<Timestamps<'_>>,
     begins: bool,
 ) {
+    let mut pass = begin(encoder, label, target, viewport, timestamps, begins);
+    pass.set_pipeline(pipeline);
+    pass.set_bind_group(0, group, &[]);
+    pass.draw(0..3, 0..1);
+}
+
+/// A render pass that keeps what it does not write, over the viewport alone.
+pub(crate) fn begin<'e>(
+    encoder: &'e mut CommandEncoder,
+    label: &str,
+    target: &TextureView,
+    viewport: Viewport,
+    timestamps: Option<Timestamps<'_>>,
+    begins: bool,
+) -> RenderPass<'e> {
     let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
         label: Some(label),
         color_attachments: &[Some(wgpu::RenderPassColorAttachment {
@@ -115,7 +165,5 @@ pub(crate) fn draw(
         1.0,
     );
     pass.set_scissor_rect(viewport.x, viewport.y, viewport.width, viewport.height);
-    pass.set_pipeline(pipeline);
-    pass.set_bind_group(0, group, &[]);
-    pass.draw(0..3, 0..1);
+    pass
 }

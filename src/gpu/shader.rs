@@ -63,6 +63,16 @@ const COMMON: &[(&str, &str)] = &[
         "directions",
         include_str!("../../wgsl/common/directions.wgsl"),
     ),
+    (
+        "spherical_gaussian",
+        include_str!("../../wgsl/common/spherical_gaussian.wgsl"),
+    ),
+    ("lobes", include_str!("../../wgsl/common/lobes.wgsl")),
+    ("sg_hull", include_str!("../../wgsl/common/sg_hull.wgsl")),
+    (
+        "sg_hull_vertex",
+        include_str!("../../wgsl/common/sg_hull_vertex.wgsl"),
+    ),
     ("ggx", include_str!("../../wgsl/common/ggx.wgsl")),
     (
         "effect_types",

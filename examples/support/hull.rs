@@ -1,0 +1,279 @@
+//! The hull wired together: lights from a reflective shadow map, the picture, and the same gathered at every pixel.
+
+use deep_screen_space::{
+    Camera, Components, Error, Gatherer, Light, ReflectiveShadowMap, ReflectiveShadowMapInput,
+    ReflectiveShadowMapView, SgHull, SgHullCounts, SgHullDescriptor, SgHullInput, SgHullSettings,
+    SgHullSize, SgHullView, Viewport,
+    glam::{DMat4, DVec3},
+    scenes::Scene,
+    wgpu,
+};
+
+use super::{
+    gpu::Gpu,
+    raster::{Raster, perspective},
+    scene::SceneBuffers,
+};
+
+/// The pipelines and one view.
+pub struct HullRenderer {
+    pub hull: SgHull,
+    pub view: SgHullView,
+    map: ReflectiveShadowMap,
+    map_view: ReflectiveShadowMapView,
+    gatherer: Gatherer,
+    pub target: wgpu::TextureView,
+    pub settings: SgHullSettings,
+}
+
+/// Texels a side of the map: 256 lights, as in the paper.
+pub const MAP: u32 = 16;
+
+/// A light of a scene and the camera that sees what it lights.
+pub struct Lamp {
+    pub light: Light,
+    pub camera: Camera,
+}
+
+impl Lamp {
+    /// What lights a scene of the crate's: a lamp below the ceiling of a room, the sun elsewhere.
+    pub fn of(scene: &Scene) -> Self {
+        match scene.name {
+            "cornell" => Self::spot(
+                DVec3::new(0.0, 5.3, 0.0),
+                DVec3::new(0.3, 0.0, -0.2),
+                120.0,
+                [17.0, 15.0, 12.0],
+            ),
+            "closed_room" => Self::spot(
+                DVec3::new(-2.0, 2.2, 1.5),
+                DVec3::new(2.0, 0.5, -1.5),
+                100.0,
+                [17.0, 15.0, 12.0],
+            ),
+            _ => Self::sun(scene, DVec3::new(0.45, -0.8, -0.4), [3.2, 3.1, 2.9]),
+        }
+    }
+
+    /// A spot light.
+    pub fn spot(position: DVec3, target: DVec3, degrees: f64, intensity: [f32; 3]) -> Self {
+        let direction = target - position;
+        let up = direction.any_orthogonal_vector();
+        let outer = (degrees.to_radians() / 2.0) as f32;
+        Self {
+            light: Light::Spot {
+                position,
+                direction,
+                intensity,
+                inner: 0.9 * outer,
+                outer,
+            },
+            camera: Camera::look_at(
+                position,
+                target,
+                up,
+                perspective(degrees, 1.0, 1e-2),
+                Viewport::full(MAP, MAP),
+            )
+            .expect("a camera"),
+        }
+    }
+
+    /// A directional light over a whole scene.
+    pub fn sun(scene: &Scene, direction: DVec3, irradiance: [f32; 3]) -> Self {
+        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for p in &scene.positions {
+            let p = DVec3::from(p.map(f64::from));
+            low = low.min(p);
+            high = high.max(p);
+        }
+        let direction = direction.normalize();
+        let radius = 0.5 * (high - low).length();
+        // Depth 1 at the near plane and 0 at the far one.
+        let (near, far) = (0.5 * radius, 4.0 * radius);
+        let scale = 1.0 / (far - near);
+        let projection = DMat4::from_cols_array(&[
+            1.0 / radius,
+            0.0,
+            0.0,
+            0.0, //
+            0.0,
+            1.0 / radius,
+            0.0,
+            0.0, //
+            0.0,
+            0.0,
+            scale,
+            0.0, //
+            0.0,
+            0.0,
+            far * scale,
+            1.0,
+        ]);
+        Self {
+            light: Light::Directional {
+                direction,
+                irradiance,
+            },
+            camera: Camera::look_at(
+                0.5 * (low + high) - 2.0 * radius * direction,
+                0.5 * (low + high),
+                direction.any_orthogonal_vector(),
+                projection,
+                Viewport::full(MAP, MAP),
+            )
+            .expect("a camera"),
+        }
+    }
+}
+
+impl HullRenderer {
+    pub fn new(gpu: &Gpu, size: SgHullSize, components: Components) -> Result<Self, Error> {
+        let device = &gpu.device;
+        let gatherer = Gatherer::polygons(device);
+        let format = wgpu::TextureFormat::Rgba32Float;
+        let hull = SgHull::new(
+            device,
+            &SgHullDescriptor {
+                gatherer: &gatherer,
+                target: format,
+                albedo: true,
+                components,
+                cache: None,
+            },
+        )?;
+        let map = ReflectiveShadowMap::new(device, None)?;
+        Ok(Self {
+            view: hull.create_view(device, size)?,
+            map_view: map.create_view(device, MAP, MAP)?,
+            target: gpu.target(format, size.width, size.height),
+            hull,
+            map,
+            gatherer,
+            settings: SgHullSettings::default(),
+        })
+    }
+
+    /// Makes the lights of a lamp: what they are bound as.
+    pub fn lights(
+        &self,
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        lamp: &Lamp,
+        origin: DVec3,
+    ) -> Result<wgpu::BindGroup, Error> {
+        let raster = Raster::draw(gpu, scene, &lamp.camera);
+        let mut encoder = gpu.encoder();
+        self.map.record(
+            &gpu.device,
+            &mut encoder,
+            &ReflectiveShadowMapInput {
+                gbuffer: raster.gbuffer(),
+                camera: &lamp.camera,
+                light: lamp.light,
+                origin,
+                timestamps: None,
+            },
+            &self.map_view,
+        )?;
+        gpu.finish(encoder);
+        self.gatherer
+            .bind_polygons(&gpu.device, self.map_view.lights())
+    }
+
+    fn input<'a>(
+        &'a self,
+        raster: &'a Raster,
+        camera: &'a Camera,
+        lights: &'a wgpu::BindGroup,
+    ) -> SgHullInput<'a> {
+        SgHullInput {
+            gbuffer: raster.gbuffer(),
+            camera,
+            origin: camera.eye(),
+            gather: Some(lights),
+            target: &self.target,
+            timestamps: None,
+        }
+    }
+
+    /// Milliseconds, and the picture by the hull.
+    pub fn render(
+        &self,
+        gpu: &Gpu,
+        raster: &Raster,
+        camera: &Camera,
+        lights: &wgpu::BindGroup,
+    ) -> Result<(f64, Vec<[f32; 4]>), Error> {
+        let input = self.input(raster, camera, lights);
+        let (ms, done) = gpu.time(|encoder| {
+            self.hull
+                .record(&gpu.device, encoder, &input, &self.settings, &self.view)
+        });
+        done?;
+        Ok((ms, gpu.read_texture(self.target.texture(), 0)))
+    }
+
+    /// Milliseconds, and the picture with the light gathered at every pixel.
+    pub fn render_exact(
+        &self,
+        gpu: &Gpu,
+        raster: &Raster,
+        camera: &Camera,
+        lights: &wgpu::BindGroup,
+    ) -> Result<(f64, Vec<[f32; 4]>), Error> {
+        let input = self.input(raster, camera, lights);
+        let (ms, done) = gpu.time(|encoder| {
+            self.hull
+                .record_exact(&gpu.device, encoder, &input, &self.view)
+        });
+        done?;
+        Ok((ms, gpu.read_texture(self.target.texture(), 0)))
+    }
+
+    pub fn counts(&self, gpu: &Gpu) -> SgHullCounts {
+        gpu.read_buffer(self.view.counts())[0]
+    }
+}
+
+/// How a picture differs from the truth.
+#[derive(Clone, Copy, Debug)]
+pub struct Difference {
+    /// Root mean square over pixels and channels, relative to the truth's mean.
+    pub rmse: f64,
+    /// Sum over sum, less 1.
+    pub energy: f64,
+    /// The 99.99th percentile of the ratio of luminances, either way, where the truth is above a hundredth of its mean.
+    pub ratio: f64,
+}
+
+pub fn difference(found: &[[f32; 4]], truth: &[[f32; 4]]) -> Difference {
+    let (mut squares, mut sum, mut total) = (0.0_f64, 0.0_f64, 0.0_f64);
+    for (f, t) in found.iter().zip(truth) {
+        for c in 0..3 {
+            let (f, t) = (f64::from(f[c]), f64::from(t[c]));
+            squares += (f - t).powi(2);
+            sum += f;
+            total += t;
+        }
+    }
+    let count = 3.0 * truth.len() as f64;
+    let mean = total / count;
+    let luminance = |p: &[f32; 4]| f64::from(p[0] + p[1] + p[2]) / 3.0;
+    let mut ratios: Vec<f64> = found
+        .iter()
+        .zip(truth)
+        .filter(|(_, t)| luminance(t) > 0.01 * mean)
+        .map(|(f, t)| luminance(f) / luminance(t))
+        .collect();
+    ratios.sort_by(f64::total_cmp);
+    let at = (ratios.len() as f64 * 0.9999) as usize;
+    Difference {
+        rmse: (squares / count).sqrt() / mean.max(1e-30),
+        energy: sum / total.max(1e-30) - 1.0,
+        ratio: ratios
+            .get(at.min(ratios.len().saturating_sub(1)))
+            .copied()
+            .unwrap_or(1.0),
+    }
+}

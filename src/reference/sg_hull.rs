@@ -1,0 +1,214 @@
+//! Mirror of `wgsl/sg_hull*.wgsl` and `wgsl/common/lobes.wgsl`: components by an exact flood fill, vertices, and shading.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use super::{light::arrival, packing::unpack_normal, shell_splatter::Receiver};
+use crate::{
+    Camera, HullSegment, Light, SgHullSettings,
+    sg_hull::settings::TILE,
+    spherical_gaussian::{DLightMoments, Estimate},
+};
+
+/// How far below the horizon light counts for lobes, as a sine.
+const BELOW_HORIZON: f64 = 0.5;
+
+/// Light that arrives at a point, gathered for a normal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lobes {
+    /// A colour channel each.
+    pub moments: [DLightMoments; 3],
+    /// Of a surface with the normal.
+    pub irradiance: DVec3,
+}
+
+impl Lobes {
+    /// No light.
+    pub const ZERO: Self = Self {
+        moments: [DLightMoments::ZERO; 3],
+        irradiance: DVec3::ZERO,
+    };
+
+    /// Light from a direction, with the irradiance of a surface that faces it.
+    pub fn add_light(&mut self, normal: DVec3, direction: DVec3, irradiance: DVec3) {
+        let height = normal.dot(direction);
+        let share = (1.0 + height / BELOW_HORIZON).clamp(0.0, 1.0);
+        for (moments, amount) in self.moments.iter_mut().zip(irradiance.to_array()) {
+            moments.add(direction, share * amount);
+        }
+        self.irradiance += irradiance * height.max(0.0);
+    }
+
+    /// What the lobe of each channel adds to the irradiance of a surface with the normal that is not there.
+    pub fn excess(&self, normal: DVec3) -> DVec3 {
+        lobe_irradiance(&self.moments, normal) - self.irradiance
+    }
+}
+
+/// Irradiance from the lobes with these moments.
+pub fn lobe_irradiance(moments: &[DLightMoments; 3], normal: DVec3) -> DVec3 {
+    DVec3::from(moments.map(|m| m.lobe(Estimate::Moments).irradiance(normal)))
+}
+
+/// What [`Gatherer::lights`](crate::Gatherer::lights) gathers at a point of the world.
+pub fn gather_lights(lights: &[Light], point: DVec3, normal: DVec3) -> Lobes {
+    let mut lobes = Lobes::ZERO;
+    for light in lights {
+        let found = arrival(light, point);
+        lobes.add_light(normal, found.to_light, found.irradiance);
+    }
+    lobes
+}
+
+/// A view without more pixels than its grid has texels, so that each pixel is one. Positions are relative to the eye.
+#[derive(Clone, Copy, Debug)]
+pub struct Hull<'a> {
+    /// The camera.
+    pub camera: &'a Camera,
+    /// Rows from the top.
+    pub receivers: &'a [Option<Receiver>],
+    /// Settings.
+    pub settings: &'a SgHullSettings,
+}
+
+impl Hull<'_> {
+    fn size(&self) -> [u32; 2] {
+        let viewport = self.camera.viewport();
+        [viewport.width, viewport.height]
+    }
+
+    /// Whether two pixels are one surface, with all thresholds widened by a factor: what rounding may move across lies
+    /// between a factor a little below 1 and one a little above.
+    pub fn similar(&self, a: &Receiver, b: &Receiver, widened: f64) -> bool {
+        let d = b.position - a.position;
+        let [width, height] = self.size();
+        let extent = |p: DVec3| self.camera.footprint().at(p) * f64::from(width.max(height));
+        let extent = extent(a.position).min(extent(b.position));
+        let off = a.normal.dot(d).abs().max(b.normal.dot(d).abs());
+        let angle = f64::from(self.settings.normal_angle);
+        a.normal.dot(b.normal) >= angle.cos() - 1e-4 * widened
+            && off <= f64::from(self.settings.plane_distance) * extent * widened
+            && self.camera.axis().dot(d).abs() <= f64::from(self.settings.gap) * extent * widened
+    }
+
+    /// The connected components of every quad, by a flood fill: a number for each pixel, `None` for the sky.
+    pub fn components(&self, widened: f64) -> Vec<Option<u32>> {
+        let [width, height] = self.size();
+        let mut found: Vec<Option<u32>> = vec![None; self.receivers.len()];
+        let mut count = 0;
+        let quad = |i: u32| i / self.settings.quad.min(TILE);
+        for start in 0..width * height {
+            if found[start as usize].is_some() || self.receivers[start as usize].is_none() {
+                continue;
+            }
+            let mut open = vec![start];
+            found[start as usize] = Some(count);
+            while let Some(i) = open.pop() {
+                let [x, y] = [i % width, i / width];
+                let neighbours = [
+                    (x > 0).then(|| i - 1),
+                    (x + 1 < width).then(|| i + 1),
+                    (y > 0).then(|| i - width),
+                    (y + 1 < height).then(|| i + width),
+                ];
+                for j in neighbours.into_iter().flatten() {
+                    let same_quad = quad(j % width) == quad(x) && quad(j / width) == quad(y);
+                    let (Some(a), Some(b)) =
+                        (&self.receivers[i as usize], &self.receivers[j as usize])
+                    else {
+                        continue;
+                    };
+                    if same_quad && found[j as usize].is_none() && self.similar(a, b, widened) {
+                        found[j as usize] = Some(count);
+                        open.push(j);
+                    }
+                }
+            }
+            count += 1;
+        }
+        found
+    }
+
+    /// Where a corner of a segment (0 to 3, rows from the top) gathers its light, and the normal that it gathers for.
+    pub fn place(
+        &self,
+        segment: &HullSegment,
+        id: u32,
+        segment_of: &[u32],
+        corner: u32,
+    ) -> Option<(DVec3, DVec3)> {
+        let [width, height] = self.size();
+        let [left, top, right, bottom] = segment.rect;
+        let anchor = self.receivers[segment.anchor as usize]?;
+        let quarter = (self.settings.quad / 4).max(1);
+        if right - left <= quarter && bottom - top <= quarter {
+            return Some((anchor.position, anchor.normal));
+        }
+        let edge = [
+            [left, right][(corner & 1) as usize],
+            [top, bottom][(corner >> 1) as usize],
+        ];
+        let pixel = [edge[0] - (corner & 1), edge[1] - (corner >> 1)];
+        let at = (pixel[1] * width + pixel[0]) as usize;
+        if segment_of[at] == id {
+            return self.receivers[at].map(|r| (r.position, r.normal));
+        }
+        let axis = self.camera.axis();
+        // Any depth on the ray will do that is in front of the camera.
+        let [x, y] = edge.map(f64::from);
+        debug_assert!(x <= f64::from(width) && y <= f64::from(height));
+        let far = self.camera.unproject(x, y, 0.5)?;
+        let (base, direction) = if self.camera.is_perspective() {
+            (DVec3::ZERO, far / far.dot(axis))
+        } else {
+            (far - axis * axis.dot(far), axis)
+        };
+        let normal = unpack_normal(segment.normal);
+        let [nearest, farthest] = [segment.nearest, segment.farthest].map(f64::from);
+        let toward = normal.dot(direction);
+        let depth = if toward.abs() > 1e-6 * direction.length() {
+            normal.dot(anchor.position - base) / toward
+        } else {
+            0.5 * (nearest + farthest)
+        };
+        Some((base + direction * depth.clamp(nearest, farthest), normal))
+    }
+}
+
+/// A corner's moments and excess, and its depth along the axis (1 for an orthographic camera).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Corner {
+    /// A colour channel each.
+    pub moments: [DLightMoments; 3],
+    /// Of [`Lobes::excess`].
+    pub excess: DVec3,
+    /// Along the camera's axis.
+    pub depth: f64,
+}
+
+/// Radiance that a white pixel reflects, from the corners of its segment's rectangle as a rasteriser interpolates them.
+pub fn shade(rect: [u32; 4], corners: &[Corner; 4], pixel: [u32; 2], normal: DVec3) -> DVec3 {
+    let at = |i: usize| {
+        (f64::from(pixel[i]) + 0.5 - f64::from(rect[i])) / f64::from(rect[i + 2] - rect[i])
+    };
+    let (u, v) = (at(0), at(1));
+    let flat = if u + v <= 1.0 {
+        [1.0 - u - v, u, v, 0.0]
+    } else {
+        [0.0, 1.0 - v, 1.0 - u, u + v - 1.0]
+    };
+    let weights = [0, 1, 2, 3].map(|i| flat[i] / corners[i].depth);
+    let total: f64 = weights.iter().sum();
+    let mut moments = [DLightMoments::ZERO; 3];
+    let mut excess = DVec3::ZERO;
+    for (corner, weight) in corners.iter().zip(weights) {
+        let weight = weight / total;
+        for (sum, m) in moments.iter_mut().zip(&corner.moments) {
+            sum.vector += m.vector * weight;
+            sum.total += m.total * weight;
+        }
+        excess += corner.excess * weight;
+    }
+    (lobe_irradiance(&moments, normal) - excess).max(DVec3::ZERO) / PI
+}

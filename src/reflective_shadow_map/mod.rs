@@ -1,0 +1,197 @@
+//! What a light's own camera sees as lights (Dachsbacher and Stamminger, *Reflective Shadow Maps*, 2005;
+//! `wgsl/reflective_shadow_map.wgsl`).
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+use wgpu::{BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache, ShaderStages};
+
+use crate::{
+    camera::{Camera, CameraParams},
+    error::{Error, check_setting},
+    gbuffer::GBuffer,
+    gpu::{
+        Kernel, Timestamps,
+        binding::{self, FLOAT_2D, UINT_2D, UNIFORM, WRITE, view, whole},
+        check_timestamps, compute_pass, shader, storage, uniform,
+    },
+    light::{Light, LightParams},
+    receivers::{Receivers, ReceiversPass},
+    sg_hull::gatherer::PolygonLight,
+};
+
+pub(crate) const SOURCE: &str = include_str!("../../wgsl/reflective_shadow_map.wgsl");
+
+const LABEL: &str = "deep-screen-space reflective shadow map";
+
+/// Turns the G-buffer of a light's camera into [`PolygonLight`]s, one a texel: the first bounce of that light, for
+/// [`Gatherer::polygons`](crate::Gatherer::polygons). 16 × 16 texels are a usual size.
+#[derive(Debug)]
+pub struct ReflectiveShadowMap {
+    layout: wgpu::BindGroupLayout,
+    receivers: ReceiversPass,
+    kernel: ComputePipeline,
+}
+
+/// The lights of one map.
+#[derive(Debug)]
+pub struct ReflectiveShadowMapView {
+    receivers: Receivers,
+    lights: wgpu::Buffer,
+}
+
+impl ReflectiveShadowMapView {
+    /// A [`PolygonLight`] a texel, row by row (usages `STORAGE | COPY_SRC`).
+    pub fn lights(&self) -> &wgpu::Buffer {
+        &self.lights
+    }
+}
+
+/// What one recording of the [`ReflectiveShadowMap`] works on.
+#[derive(Clone, Copy, Debug)]
+pub struct ReflectiveShadowMapInput<'a> {
+    /// The G-buffer from the light, with albedo.
+    pub gbuffer: GBuffer<'a>,
+    /// The camera that it was drawn with: where the light is for point and spot lights, along its direction for
+    /// directional ones.
+    pub camera: &'a Camera,
+    /// The light.
+    pub light: Light,
+    /// The point of the world that the lights' corners shall be relative to, as
+    /// [`SgHullInput::origin`](crate::SgHullInput::origin).
+    pub origin: DVec3,
+    /// Where to write begin and end times, if anywhere.
+    pub timestamps: Option<Timestamps<'a>>,
+}
+
+/// `Params` of `wgsl/reflective_shadow_map.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct ReflectiveShadowMapParams {
+    pub(crate) camera: CameraParams,
+    pub(crate) light: LightParams,
+}
+
+impl ReflectiveShadowMap {
+    /// Compiles the pipelines.
+    ///
+    /// # Errors
+    /// None today.
+    pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
+        let layout = binding::layout(
+            device,
+            LABEL,
+            ShaderStages::COMPUTE,
+            &[(0, UNIFORM), (1, UINT_2D), (2, FLOAT_2D), (3, WRITE)],
+        );
+        let source = shader::assemble("reflective_shadow_map", SOURCE, &[], &[])?;
+        let kernel = Kernel {
+            label: LABEL,
+            module: &shader::create(device, LABEL, source),
+            entry: "texel_to_light",
+            layouts: &[&layout],
+            constants: &[],
+            cache,
+        }
+        .create(device);
+        Ok(Self {
+            layout,
+            receivers: ReceiversPass::new(device, cache)?,
+            kernel,
+        })
+    }
+
+    /// Room for a map of `width` × `height` texels, 1 to 1024 a side.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for a size out of range, [`Error::Limit`] for one beyond the device's.
+    pub fn create_view(
+        &self,
+        device: &Device,
+        width: u32,
+        height: u32,
+    ) -> Result<ReflectiveShadowMapView, Error> {
+        for side in [width, height] {
+            check_setting(
+                (1..=1024).contains(&side),
+                "reflective shadow map size",
+                side,
+                "1 to 1024",
+            )?;
+        }
+        let bytes = u64::from(width) * u64::from(height) * size_of::<PolygonLight>() as u64;
+        Ok(ReflectiveShadowMapView {
+            receivers: Receivers::new(device, [width, height])?,
+            lights: storage(
+                device,
+                "deep-screen-space polygon lights",
+                bytes,
+                BufferUsages::COPY_SRC,
+            )?,
+        })
+    }
+
+    /// Records the lights of a map.
+    ///
+    /// # Errors
+    /// What [`GBuffer::validate`] and [`Light::validate`] find; [`Error::Mismatch`] without albedo, and where the view has
+    /// another size than the camera's viewport.
+    pub fn record(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        input: &ReflectiveShadowMapInput<'_>,
+        map: &ReflectiveShadowMapView,
+    ) -> Result<(), Error> {
+        check_timestamps(input.timestamps)?;
+        input.light.validate()?;
+        let viewport = input.camera.viewport();
+        input.gbuffer.validate(viewport)?;
+        let Some(albedo) = input.gbuffer.albedo else {
+            return Err(Error::Mismatch {
+                name: "GBuffer",
+                found: "no albedo".into(),
+                needed: "one, for what the map reflects".into(),
+            });
+        };
+        let size = [viewport.width, viewport.height];
+        if map.receivers.size != size {
+            return Err(Error::Mismatch {
+                name: "ReflectiveShadowMapView",
+                found: format!("{:?} texels", map.receivers.size),
+                needed: format!("{size:?} texels"),
+            });
+        }
+        self.receivers.record(
+            device,
+            encoder,
+            &input.gbuffer,
+            input.camera,
+            input.origin,
+            &map.receivers,
+        );
+        let params = uniform(
+            device,
+            LABEL,
+            &ReflectiveShadowMapParams {
+                camera: input.camera.params(input.origin),
+                light: LightParams::new(&input.light, input.origin),
+            },
+        );
+        let group = binding::group(
+            device,
+            LABEL,
+            &self.layout,
+            &[
+                (0, whole(&params)),
+                (1, view(&map.receivers.view)),
+                (2, view(albedo)),
+                (3, whole(&map.lights)),
+            ],
+        );
+        let mut pass = compute_pass(encoder, LABEL, input.timestamps);
+        pass.set_pipeline(&self.kernel);
+        pass.set_bind_group(0, &group, &[]);
+        pass.dispatch_workgroups(size[0].div_ceil(8), size[1].div_ceil(8), 1);
+        Ok(())
+    }
+}

@@ -1,0 +1,134 @@
+//! How light is gathered at a point: a piece of WGSL and what it needs bound.
+
+use std::borrow::Cow;
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+use wgpu::{BindGroup, BindGroupLayout, Buffer, BufferUsages, Device, ShaderStages};
+
+use crate::{
+    error::Error,
+    geometry::{check_size, check_usage},
+    gpu::binding::{self, READ, whole},
+    light::{Light, LightParams},
+};
+
+const LABEL: &str = "deep-screen-space gatherer";
+
+/// A gatherer: the crate's own ([`Gatherer::polygons`], [`Gatherer::lights`]) or one of the caller's.
+///
+/// Its `source` is WGSL that defines one function over the types of `wgsl/common/lobes.wgsl`, and whatever it binds in
+/// group 1:
+///
+/// ```wgsl
+/// // Light that arrives at a point: samples lane, lane + lanes, lane + 2 lanes … of it. What lies far below the horizon
+/// // of the normal may be left out.
+/// fn gather(position: vec3f, normal: vec3f, lane: u32, lanes: u32) -> Lobes
+/// ```
+///
+/// `position` is relative to [`SgHullInput::origin`](crate::SgHullInput::origin), with axes of the world. `add_light(lobes,
+/// normal, direction, irradiance)` adds light from one direction, `add_moments(lobes, normal, moments, radiance)` that of a source with
+/// extent. Light that is not finite counts for nothing.
+#[derive(Clone, Debug)]
+pub struct Gatherer {
+    /// Appears in the labels of what is made for it.
+    pub label: Cow<'static, str>,
+    /// The WGSL.
+    pub source: Cow<'static, str>,
+    /// What it binds in group 1, visible to compute and fragment shaders, if anything.
+    pub layout: Option<BindGroupLayout>,
+    /// Values for `override` constants of `source`.
+    pub constants: Vec<(String, f64)>,
+}
+
+pub(crate) const POLYGONS: &str = include_str!("../../wgsl/gatherers/polygons.wgsl");
+pub(crate) const LIGHTS: &str = include_str!("../../wgsl/gatherers/lights.wgsl");
+
+/// A triangle that sends light from its front side, from which its corners run counter-clockwise. 48 bytes.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct PolygonLight {
+    /// A corner, relative to the origin of the recording.
+    pub a: [f32; 3],
+    /// Radiosity in red, W/m².
+    pub red: f32,
+    /// A corner.
+    pub b: [f32; 3],
+    /// Radiosity in green.
+    pub green: f32,
+    /// A corner.
+    pub c: [f32; 3],
+    /// Radiosity in blue.
+    pub blue: f32,
+}
+
+impl Gatherer {
+    fn built_in(device: &Device, label: &'static str, source: &'static str) -> Self {
+        let stages = ShaderStages::COMPUTE | ShaderStages::FRAGMENT;
+        Self {
+            label: label.into(),
+            source: source.into(),
+            layout: Some(binding::layout(device, LABEL, stages, &[(0, READ)])),
+            constants: Vec::new(),
+        }
+    }
+
+    /// Triangles as lights, without shadows, by the polygon-to-point form factor (Baum, Rushmeier and Winget, *Improving
+    /// Radiosity Solutions Through the Use of Analytically Determined Form-Factors*, 1989).
+    pub fn polygons(device: &Device) -> Self {
+        Self::built_in(device, "polygons", POLYGONS)
+    }
+
+    /// [`Light`]s without shadows.
+    pub fn lights(device: &Device) -> Self {
+        Self::built_in(device, "lights", LIGHTS)
+    }
+
+    /// What [`Gatherer::polygons`] binds: a storage buffer full of [`PolygonLight`]s, at least one of them.
+    ///
+    /// # Errors
+    /// [`Error::Buffer`] for a buffer that is too small or lacks usage `STORAGE`, [`Error::Mismatch`] for a gatherer
+    /// without a layout.
+    pub fn bind_polygons(&self, device: &Device, lights: &Buffer) -> Result<BindGroup, Error> {
+        check_usage("PolygonLight", lights)?;
+        check_size("PolygonLight", lights, size_of::<PolygonLight>() as u64)?;
+        self.bind(device, lights)
+    }
+
+    /// What [`Gatherer::lights`] binds. No light is valid.
+    ///
+    /// # Errors
+    /// What [`Light::validate`] finds, [`Error::Mismatch`] for a gatherer without a layout.
+    pub fn bind_lights(
+        &self,
+        device: &Device,
+        lights: &[Light],
+        origin: DVec3,
+    ) -> Result<BindGroup, Error> {
+        for light in lights {
+            light.validate()?;
+        }
+        let mut params: Vec<_> = lights.iter().map(|l| LightParams::new(l, origin)).collect();
+        if params.is_empty() {
+            params.push(LightParams::default());
+        }
+        let buffer = wgpu::util::DeviceExt::create_buffer_init(
+            device,
+            &wgpu::util::BufferInitDescriptor {
+                label: Some(LABEL),
+                contents: bytemuck::cast_slice(&params),
+                usage: BufferUsages::STORAGE,
+            },
+        );
+        self.bind(device, &buffer)
+    }
+
+    fn bind(&self, device: &Device, buffer: &Buffer) -> Result<BindGroup, Error> {
+        let layout = self.layout.as_ref().ok_or_else(|| Error::Mismatch {
+            name: "Gatherer",
+            found: "no layout".into(),
+            needed: "that of a gatherer of the crate's".into(),
+        })?;
+        Ok(binding::group(device, LABEL, layout, &[(0, whole(buffer))]))
+    }
+}

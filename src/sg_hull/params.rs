@@ -1,0 +1,119 @@
+//! What the GPU reads: `Params`, `Segment`, `Counters` and `HullVertex` of `wgsl/common/sg_hull*.wgsl`.
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+
+use super::settings::{SgHullSettings, SgHullSize};
+use crate::camera::{Camera, CameraParams};
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct SgHullParams {
+    pub(crate) camera: CameraParams,
+    pub(crate) along: [f32; 3],
+    pub(crate) capacity: u32,
+    pub(crate) grid: [u32; 2],
+    pub(crate) tiles: [u32; 2],
+    pub(crate) step: [u32; 2],
+    pub(crate) padding: [u32; 2],
+    pub(crate) plane_distance: f32,
+    pub(crate) gap: f32,
+    pub(crate) normal_cosine: f32,
+    pub(crate) quad: u32,
+}
+
+impl SgHullParams {
+    pub fn new(
+        settings: &SgHullSettings,
+        size: &SgHullSize,
+        camera: &Camera,
+        origin: DVec3,
+    ) -> Self {
+        // Rounding must not cut a plane.
+        let cosine = (settings.normal_angle.cos() - 1e-4).max(-2.0);
+        Self {
+            camera: camera.params(origin),
+            along: camera.axis().as_vec3().to_array(),
+            capacity: size.capacity(),
+            grid: size.texels(),
+            tiles: size.tiles(),
+            step: size.step(),
+            padding: [0; 2],
+            plane_distance: settings.plane_distance,
+            gap: settings.gap,
+            normal_cosine: cosine,
+            quad: settings.quad,
+        }
+    }
+}
+
+/// `Segment`: pixels of a tile that lie on one surface.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct HullSegment {
+    /// The first pixel and the one past the last: x, y, x, y.
+    pub rect: [u32; 4],
+    /// The least distance along the camera's axis, world units.
+    pub nearest: f32,
+    /// The largest.
+    pub farthest: f32,
+    /// A pixel of it close to its middle, row by row.
+    pub anchor: u32,
+    /// The mean normal, octahedral in two snorm16.
+    pub normal: u32,
+}
+
+/// `HullVertex`: light that arrives at a corner of a segment's rectangle.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct HullVertex {
+    /// Where, relative to the origin of the recording.
+    pub position: [f32; 3],
+    /// How far along the camera's axis.
+    pub depth: f32,
+    /// Moments of the red light: directions times radiance, and radiance, over the solid angle.
+    pub red: [f32; 4],
+    /// Of the green.
+    pub green: [f32; 4],
+    /// Of the blue.
+    pub blue: [f32; 4],
+    /// What the lobe of each channel adds to the irradiance of a surface with the vertex's normal that is not there.
+    pub excess: [f32; 3],
+    /// 0.
+    pub padding: f32,
+}
+
+/// What a recording counted. The GPU writes it; the caller reads it when it likes.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct SgHullCounts {
+    /// Segments asked for.
+    pub segments: u32,
+    /// Tiles with a segment of last resort besides.
+    pub fallbacks: u32,
+    /// Pixels in those.
+    pub fallback_pixels: u32,
+    /// 0.
+    pub padding: u32,
+    /// Arguments of the indirect draw: 4, quads, 0, 0.
+    pub draw: [u32; 4],
+    /// Arguments of the indirect dispatch.
+    pub dispatch: [u32; 4],
+}
+
+impl SgHullCounts {
+    /// Segments that found no room.
+    pub fn overflow(&self, size: &SgHullSize) -> u32 {
+        self.segments.saturating_sub(size.segments)
+    }
+
+    /// Quads drawn.
+    pub fn quads(&self) -> u32 {
+        self.draw[1]
+    }
+
+    /// Vertices at which light was gathered.
+    pub fn vertices(&self) -> u32 {
+        4 * self.quads()
+    }
+}

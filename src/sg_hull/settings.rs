@@ -1,0 +1,161 @@
+//! What a user turns.
+
+use std::f32::consts::PI;
+
+use crate::error::{Error, check_setting};
+
+/// How the texels of a tile become segments. Both look at the same links between neighbours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Components {
+    /// Connected components, by a union-find of all threads at once: no more segments than there are.
+    #[default]
+    UnionFind,
+    /// The four sweeps of algorithm 1 of Meder and Brüderlin (2018), right, down, left and up. What no four sweeps reach,
+    /// such as a spiral, falls into several segments.
+    Propagation,
+}
+
+/// How large a view of the [`SgHull`](crate::SgHull) is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SgHullSize {
+    /// Width of the camera's viewport in pixels.
+    pub width: u32,
+    /// Height of it.
+    pub height: u32,
+    /// Texels a side of the grid that is segmented, 32…4096, no more than the viewport's own pixels. A tile has 32 × 32 of
+    /// them. Default 1024, the paper's: quads of 1/32 of the picture.
+    pub grid: u32,
+    /// Segments that there is room for besides one a tile, up to 2^20. With the default quads a picture is 16384 of them, and as many again with fine
+    /// geometry.
+    /// 352 bytes each. What finds no room goes, with the rest of its tile, to one segment, and is counted
+    /// ([`SgHullCounts`](crate::SgHullCounts)). Default 65536.
+    pub segments: u32,
+}
+
+/// Side of a tile in texels.
+pub(crate) const TILE: u32 = 32;
+
+impl SgHullSize {
+    /// The default grid and room for a viewport.
+    pub const fn new(width: u32, height: u32) -> Self {
+        Self {
+            width,
+            height,
+            grid: 1024,
+            segments: 65536,
+        }
+    }
+
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// [`Error::Setting`], naming the field, its value and its range.
+    pub fn validate(&self) -> Result<(), Error> {
+        let smallest = self.width.min(self.height);
+        check_setting(smallest > 0, "view size", smallest, "at least 1x1 pixels")?;
+        let largest = self.width.max(self.height);
+        check_setting(
+            largest <= 8192,
+            "view size",
+            largest,
+            "at most 8192x8192 pixels",
+        )?;
+        check_setting(
+            (32..=4096).contains(&self.grid),
+            "SgHullSize::grid",
+            self.grid,
+            "32 to 4096",
+        )?;
+        check_setting(
+            self.segments <= 1 << 20,
+            "SgHullSize::segments",
+            self.segments,
+            "0 to 2^20",
+        )
+    }
+
+    /// Texels of the grid.
+    pub(crate) fn texels(&self) -> [u32; 2] {
+        [self.width, self.height].map(|n| n.min(self.grid))
+    }
+
+    /// Pixels a texel in units of 2^-16, rounded up: the last texel ends at the last pixel.
+    pub(crate) fn step(&self) -> [u32; 2] {
+        let [x, y] = self.texels();
+        [
+            (self.width << 16).div_ceil(x),
+            (self.height << 16).div_ceil(y),
+        ]
+    }
+
+    /// Tiles of the grid.
+    pub(crate) fn tiles(&self) -> [u32; 2] {
+        self.texels().map(|n| n.div_ceil(TILE))
+    }
+
+    /// Room for all segments.
+    pub(crate) fn capacity(&self) -> u32 {
+        let [x, y] = self.tiles();
+        self.segments + x * y
+    }
+}
+
+/// Settings of the [`SgHull`](crate::SgHull).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SgHullSettings {
+    /// Side of the largest quad in texels of the grid: 4, 8, 16 or 32. The paper has 32, a whole tile, 1/32 of the picture;
+    /// half of it takes four times the vertices and leaves a quarter of the error where light varies smoothly. Default 8.
+    pub quad: u32,
+    /// How far a pixel may lie off its neighbour's tangent plane to be one surface with it, in widths of the view at their
+    /// distance, above 0. Smaller follows finer relief with more quads. Default 0.004: four texels of 1024.
+    pub plane_distance: f32,
+    /// How far apart along the camera's axis neighbours on one plane may be to be one surface, in widths of the view at
+    /// their distance, above 0. Default 0.1.
+    pub gap: f32,
+    /// The angle between neighbours' normals up to which they are one surface, radians, 0…π. Corners of rooms are cut
+    /// where they are sharper: on either side light comes from another hemisphere. Default 0.25.
+    pub normal_angle: f32,
+}
+
+impl Default for SgHullSettings {
+    fn default() -> Self {
+        Self {
+            quad: 8,
+            plane_distance: 0.004,
+            gap: 0.1,
+            normal_angle: 0.25,
+        }
+    }
+}
+
+impl SgHullSettings {
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// [`Error::Setting`], naming the field, its value and its range.
+    pub fn validate(&self) -> Result<(), Error> {
+        check_setting(
+            [4, 8, 16, 32].contains(&self.quad),
+            "SgHullSettings::quad",
+            self.quad,
+            "4, 8, 16 or 32",
+        )?;
+        for (field, value) in [
+            ("SgHullSettings::plane_distance", self.plane_distance),
+            ("SgHullSettings::gap", self.gap),
+        ] {
+            check_setting(
+                value > 0.0 && value.is_finite(),
+                field,
+                value,
+                "finite and above 0",
+            )?;
+        }
+        check_setting(
+            (0.0..=PI).contains(&self.normal_angle),
+            "SgHullSettings::normal_angle",
+            self.normal_angle,
+            "0 to pi",
+        )
+    }
+}

@@ -1,0 +1,35 @@
+// What a gatherer (src/sg_hull/gatherer.rs) is written against. Needs math.
+
+#import spherical_gaussian
+
+// Light that arrives at a point: a sum of samples a colour channel, and what a surface with the normal that it was
+// gathered for receives of them.
+struct Lobes {
+  red: LightMoments,
+  green: LightMoments,
+  blue: LightMoments,
+  irradiance: vec3f,
+}
+
+// How far below the horizon light still counts for the lobes, as a sine: pixels whose normals lean that way receive it.
+const BELOW_HORIZON: f32 = 0.5;
+
+// Adds light from a direction (a unit vector) to what is gathered for a normal; `irradiance` is that of a surface that
+// faces it.
+fn add_light(lobes: Lobes, normal: vec3f, direction: vec3f, irradiance: vec3f) -> Lobes {
+  return add_moments(lobes, normal, vec4f(direction, 1.0), irradiance);
+}
+
+// Adds light of a source with extent. Of `moments` xyz is the integral of the direction over the solid angle that the
+// source covers, w the solid angle.
+fn add_moments(lobes: Lobes, normal: vec3f, moments: vec4f, radiance: vec3f) -> Lobes {
+  let height = dot(normal, moments.xyz);
+  let share = clamp(1.0 + height / max(BELOW_HORIZON * moments.w, 1e-30), 0.0, 1.0);
+  let counted = moments * share;
+  return Lobes(lobes.red + counted * radiance.x, lobes.green + counted * radiance.y, lobes.blue + counted * radiance.z,
+    lobes.irradiance + radiance * max(height, 0.0));
+}
+
+fn add_lobes(a: Lobes, b: Lobes) -> Lobes {
+  return Lobes(a.red + b.red, a.green + b.green, a.blue + b.blue, a.irradiance + b.irradiance);
+}

@@ -1,0 +1,73 @@
+// What the kernels of the hull share (src/sg_hull): its parameters, its segments, and what is known of a pixel.
+
+#import math
+#import packing
+#import camera
+#import receiver
+
+struct Params {
+  camera: Camera,
+  // Unit vector away from the camera along its axis.
+  along: vec3f,
+  // Segments that there is room for.
+  capacity: u32,
+  // Texels of the grid that is segmented, and its tiles.
+  grid: vec2u,
+  tiles: vec2u,
+  // Pixels a texel, times 2^16, rounded up.
+  step: vec2u,
+  padding: vec2u,
+  // When neighbours are one surface: in widths of the view at their distance, and as a cosine.
+  plane_distance: f32,
+  gap: f32,
+  normal_cosine: f32,
+  // Side of the largest segment in texels: a power of two up to a tile's.
+  quad: u32,
+}
+
+// Pixels of a tile that lie on one surface.
+struct Segment {
+  // The first pixel, and the one past the last.
+  rect: vec4u,
+  // Along the camera's axis.
+  nearest: f32,
+  farthest: f32,
+  // A pixel of it close to its middle.
+  anchor: u32,
+  // The mean normal, packed.
+  normal: u32,
+}
+
+struct Counters {
+  // What was asked for, room or not.
+  segments: u32,
+  // Of the last resort, one a tile at most.
+  fallbacks: u32,
+  fallback_pixels: u32,
+  padding: u32,
+  // Arguments of an indirect draw: vertices, instances, first vertex, first instance.
+  draw: vec4u,
+  // Arguments of an indirect dispatch, and a padding.
+  dispatch: vec4u,
+}
+
+// In place of a segment.
+const SKY_PIXEL: u32 = 0xffffffffu;
+const UNASSIGNED: u32 = 0xfffffffeu;
+
+// Every tile has a segment of last resort: those lie behind the others.
+fn first_fallback(params: Params) -> u32 {
+  return params.capacity - params.tiles.x * params.tiles.y;
+}
+
+// Where the i-th of the segments lies.
+fn segment_slot(params: Params, counted: u32, i: u32) -> u32 {
+  let limit = first_fallback(params);
+  let regular = min(counted, limit);
+  return select(limit + (i - regular), i, i < regular);
+}
+
+// Side of the view at a point relative to the camera's eye.
+fn view_width(params: Params, relative: vec3f) -> f32 {
+  return footprint(params.camera, relative) * f32(max(params.camera.viewport.z, params.camera.viewport.w));
+}

@@ -1,0 +1,122 @@
+// Light at the hull's vertices: four a segment, at the corners of its rectangle (Meder and Bruederlin 2018, section 3).
+//
+// @group(0) @binding(0) params, 1 receivers, 2 the segment of each pixel, 3 segments, 4 counters, 5 vertices
+// @group(1) what the gatherer binds
+
+#import sg_hull
+#import dispatch
+#import lobes
+#import sg_hull_vertex
+#import gatherer
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var receivers: texture_2d<u32>;
+@group(0) @binding(2) var<storage, read> segment_of: array<u32>;
+@group(0) @binding(3) var<storage, read> segments: array<Segment>;
+@group(0) @binding(4) var<storage, read> counters: Counters;
+@group(0) @binding(5) var<storage, read_write> vertices: array<HullVertex>;
+
+// Threads that share a vertex's lights.
+const LANES: u32 = 8u;
+
+var<workgroup> parts: array<Lobes, 64>;
+
+struct Place {
+  // Relative to the camera's eye.
+  position: vec3f,
+  normal: vec3f,
+}
+
+// Light varies little over a quarter of a quad: it is gathered once, at the anchor. Most segments of foliage are such.
+fn is_small(segment: Segment) -> bool {
+  let quarter = (params.quad * params.step) >> vec2u(18u);
+  return all(segment.rect.zw - segment.rect.xy <= max(quarter, vec2u(1u)));
+}
+
+fn pixel_at(number: u32) -> vec2u {
+  return vec2u(number % params.camera.viewport.z, number / params.camera.viewport.z);
+}
+
+// Where a vertex lies. A corner whose pixel is the segment's own is there. Any other lies on the segment's plane, within
+// the range of its depth: the paper takes the middle of that range, which no plane that is seen obliquely goes through.
+fn place(segment: Segment, id: u32, corner: u32) -> Place {
+  let width = params.camera.viewport.z;
+  let edge = vec2u(select(segment.rect.x, segment.rect.z, (corner & 1u) != 0u),
+    select(segment.rect.y, segment.rect.w, (corner & 2u) != 0u));
+  let pixel = vec2u(select(edge.x, edge.x - 1u, (corner & 1u) != 0u), select(edge.y, edge.y - 1u, (corner & 2u) != 0u));
+  if segment_of[pixel.y * width + pixel.x] == id {
+    let texel = textureLoad(receivers, pixel, 0);
+    return Place(receiver_position(texel) - params.camera.eye, unpack_normal(texel.w));
+  }
+  // The ray through the corner, as a function of the depth along the axis.
+  let ndc = vec2f(edge) / vec2f(params.camera.viewport.zw) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
+  let far_point = params.camera.unproject * vec4f(ndc, 0.0, 1.0);
+  var base = vec3f(0.0);
+  var direction = params.along;
+  if params.camera.perspective != 0u {
+    let ray = normalize_or(far_point.xyz, params.along);
+    direction = ray / max(dot(ray, params.along), 1e-6);
+  } else {
+    let p = far_point.xyz / far_point.w;
+    base = p - direction * dot(direction, p);
+  }
+  let normal = unpack_normal(segment.normal);
+  let anchor = textureLoad(receivers, pixel_at(segment.anchor), 0);
+  let toward = dot(normal, direction);
+  var depth = 0.5 * (segment.nearest + segment.farthest);
+  if abs(toward) > 1e-6 * length(direction) {
+    depth = dot(normal, receiver_position(anchor) - params.camera.eye - base) / toward;
+  }
+  return Place(base + direction * clamp(depth, segment.nearest, segment.farthest), normal);
+}
+
+// Light that is not finite is none.
+fn usable(moments: LightMoments) -> LightMoments {
+  let good = is_finite3(moments.xyz) && is_finite(moments.w) && moments.w > 0.0;
+  return select(vec4f(0.0), moments, good);
+}
+
+// What one lobe gets wrong of the irradiance of a surface with the vertex's normal, which is known. Without this a floor
+// that light grazes would be lit by what a broad lobe has above the horizon.
+fn excess(moments: LightMoments, normal: vec3f, irradiance: f32) -> f32 {
+  let scaled = sg_lobe(moments);
+  let found = scaled.amplitude * sg_cosine_integral(dot(normal, scaled.lobe.axis), scaled.lobe.sharpness);
+  return select(0.0, found - irradiance, is_finite(irradiance));
+}
+
+@compute @workgroup_size(64)
+fn gather_vertices(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) thread: u32) {
+  let index = linear_workgroup(workgroup) * (64u / LANES) + thread / LANES;
+  let lane = thread % LANES;
+  let i = index / 4u;
+  let exists = i < counters.draw.y;
+  var here: Place;
+  var source = thread;
+  if exists {
+    let slot = segment_slot(params, counters.segments, i);
+    let segment = segments[slot];
+    if is_small(segment) {
+      let anchor = textureLoad(receivers, pixel_at(segment.anchor), 0);
+      here = Place(receiver_position(anchor) - params.camera.eye, unpack_normal(anchor.w));
+      source = thread - (index % 4u) * LANES;
+    } else {
+      here = place(segment, slot, index % 4u);
+    }
+    if source == thread {
+      parts[thread] = gather(here.position + params.camera.eye, here.normal, lane, LANES);
+    }
+  }
+  workgroupBarrier();
+  if exists && lane == 0u {
+    var sum = parts[source];
+    for (var k = 1u; k < LANES; k++) {
+      sum = add_lobes(sum, parts[source + k]);
+    }
+    let red = usable(sum.red);
+    let green = usable(sum.green);
+    let blue = usable(sum.blue);
+    let n = here.normal;
+    vertices[index] = HullVertex(here.position + params.camera.eye, dot(params.along, here.position), red, green, blue,
+      vec3f(excess(red, n, sum.irradiance.x), excess(green, n, sum.irradiance.y), excess(blue, n, sum.irradiance.z)), 0.0);
+  }
+}
