@@ -428,6 +428,49 @@ fn no_ray_escapes() {
     }
 }
 
+/// Nor where pixels look right into the edges of a room: a position there is rounded to behind one of the two walls as often
+/// as not.
+#[test]
+fn no_ray_escapes_at_an_edge() {
+    let corner =
+        |i: u32| DVec3::from([i, i >> 1, i >> 2].map(|bit| f64::from(bit & 1) * 2.0 - 1.0));
+    let quads = [
+        [0, 1, 3, 2],
+        [4, 6, 7, 5],
+        [0, 4, 5, 1],
+        [2, 3, 7, 6],
+        [0, 2, 6, 4],
+        [1, 5, 7, 3],
+    ];
+    for (scale, shift) in [
+        (1.0, DVec3::ZERO),
+        (0.37, DVec3::new(0.1, 20.3, -7.7)),
+        (3e4, DVec3::ONE),
+    ] {
+        let at = |i: u32| corner(i) * scale + shift;
+        let walls: Vec<[DVec3; 3]> = quads
+            .iter()
+            .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]].map(|t| t.map(at)))
+            .collect();
+        let scene = scene_of(&walls, &scenes::closed_room());
+        // The diagonals of the picture are edges of the cube.
+        let camera = Camera::look_at(
+            shift,
+            shift + DVec3::Z,
+            DVec3::Y,
+            perspective(90.0, 1.0, 0.01 * scale),
+            Viewport::full(64, 64),
+        )
+        .expect("a camera");
+        let shot = Shot::new(&lab().gpu, &scene, &camera);
+        let senders = senders_of(&shot, &triangles());
+        let (escaped, rays) = escaped(&shot, &senders, &settings(64));
+        println!("scale {scale}: {escaped} of {rays}");
+        assert!(rays > 0);
+        assert_eq!(escaped, 0, "scale {scale}, at {shift}, of {rays}");
+    }
+}
+
 /// What a convex body's own surface hides from it: nothing. The facets of a sphere lie below each other's planes, so a
 /// ray about the facet's own normal meets none.
 #[test]
