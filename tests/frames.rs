@@ -3,6 +3,8 @@
 #[path = "../examples/support/mod.rs"]
 mod support;
 
+mod shot;
+
 use deep_screen_space::{
     BouncedSettings, Camera, CloudCapacity, HitReconstructorDescriptor, HitReconstructorSettings,
     Light, Lighting, Payload, Sampling, SurfelizerSettings, TemporalSettings, Viewport,
@@ -10,6 +12,7 @@ use deep_screen_space::{
     scenes,
     wgpu::{TextureFormat, TextureView},
 };
+use shot::Shot;
 use support::{
     bounced::{Gatherer, Senders},
     errors::rmse,
@@ -40,6 +43,16 @@ fn camera(aside: f64) -> Camera {
         Viewport::full(SIDE, SIDE),
     )
     .expect("a camera")
+}
+
+/// Ray-cast: of a rasteriser's depths SwiftShader's are so far off that rays start below their surfaces and meet them.
+fn gbuffer(gpu: &Gpu, camera: &Camera) -> Raster {
+    let shot = Shot::new(gpu, &scenes::dominoes(), camera);
+    Raster {
+        depth: shot.depth,
+        normal: shot.normal,
+        albedo: shot.albedo,
+    }
 }
 
 struct Stage {
@@ -140,7 +153,7 @@ impl Stage {
     fn truth(&self, kind: usize) -> Vec<f32> {
         const MANY: u32 = 4;
         let camera = camera(0.0);
-        let raster = Raster::draw(&self.gpu, &self.buffers, &camera);
+        let raster = gbuffer(&self.gpu, &camera);
         let mut mean = vec![0.0; 4 * (SIDE * SIDE) as usize];
         for frame in 0..MANY {
             // None of the frames to accumulate.
@@ -165,7 +178,7 @@ impl Stage {
         for frame in 0..FRAMES {
             let left = f64::from(FRAMES - 1 - frame);
             let camera = camera(step * left);
-            let raster = Raster::draw(&self.gpu, &self.buffers, &camera);
+            let raster = gbuffer(&self.gpu, &camera);
             let gatherer = self.render(kind, &raster, &camera, FEW, frame);
             mean = frames
                 .add(&self.gpu, &raster, &camera, &gatherer.target)
