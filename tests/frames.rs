@@ -45,7 +45,7 @@ fn camera(aside: f64) -> Camera {
     .expect("a camera")
 }
 
-/// Ray-cast: of a rasteriser's depths SwiftShader's are so far off that rays start below their surfaces and meet them.
+/// Ray-cast: of a rasteriser's depths `SwiftShader`'s are so far off that rays start below their surfaces and meet them.
 fn gbuffer(gpu: &Gpu, camera: &Camera) -> Raster {
     let shot = Shot::new(gpu, &scenes::dominoes(), camera);
     Raster {
