@@ -19,6 +19,7 @@ use deep_screen_space::{
 use depth_only::{AmbientOcclusionSettings, DepthOnly, Frame};
 use support::{
     bounced::BouncedRenderer,
+    errors::rmse,
     files,
     gpu::{Ask, Gpu},
     presets,
@@ -131,13 +132,4 @@ fn from_depth(gpu: &Gpu, drawn: &Raster, camera: &Camera, radius: f32) -> Vec<f3
     passes.record_ambient_occlusion(device, &mut encoder, &frame, &settings, &target);
     gpu.finish(encoder);
     gpu.read_texture(target.texture(), 0)
-}
-
-fn rmse(image: &[f32], truth: &[f32]) -> f64 {
-    let squares: f64 = image
-        .iter()
-        .zip(truth)
-        .map(|(a, b)| f64::from(a - b).powi(2))
-        .sum();
-    (squares / image.len() as f64).sqrt()
 }

@@ -776,7 +776,36 @@ fn squares_of_pixels_are_stratified() {
     }
 }
 
-/// One pixel's points over frames fill its cells evenly too: chi-square over 8 x 8 subcells.
+/// Of one pixel and cell, the points of 2^k frames in a row from a multiple of 2^k are one in each of 2^k subcells of every
+/// shape.
+#[test]
+fn frames_are_stratified() {
+    for count in [2_u32, 4, 8, 16, 64, 256] {
+        for (pixel, index) in [([0, 0], 0), ([7, 12], 1), ([333, 18], 3)] {
+            for start in [0, 5 * count, (1 << 20) - count] {
+                for columns in (0..=count.ilog2()).map(|power| 1_u32 << power) {
+                    let rows = count / columns;
+                    let mut taken = vec![false; count as usize];
+                    for frame in start..start + count {
+                        let point = cell_point(pixel, index, [2, 2], frame);
+                        let cell = DVec2::new(f64::from(index % 2), f64::from(index / 2));
+                        let within = point * 2.0 - cell;
+                        let x = (within.x * f64::from(columns)) as u32;
+                        let y = (within.y * f64::from(rows)) as u32;
+                        let at = (y * columns + x) as usize;
+                        assert!(
+                            !taken[at],
+                            "{count} frames from {start}, pixel {pixel:?}, cell {index}: two points in {columns}x{rows}"
+                        );
+                        taken[at] = true;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// One pixel's points over frames fill its cells evenly: chi-square over 8 x 8 subcells.
 #[test]
 fn frames_fill_the_cells() {
     for (pixel, index) in [([0, 0], 0), ([7, 12], 1), ([333, 18], 3)] {

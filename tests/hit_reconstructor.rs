@@ -91,8 +91,9 @@ fn color(c: [f32; 4]) -> DVec3 {
 const OFF: f64 = 1e-5;
 const FARTHER: f64 = 0.0;
 const FARTHER_DEFERRED: f64 = 0.05;
-/// And no pixel farther than this.
-const FARTHEST: f64 = 0.05;
+/// And no pixel farther than this. Measured at 0.076, beside a level normal with other directions altogether, of which the
+/// few pixels that share a pillar's curve with it count four each.
+const FARTHEST: f64 = 0.1;
 
 #[test]
 fn reconstruction_is_the_mirrors() {
@@ -589,8 +590,8 @@ fn one_bounce_is_the_tracers() {
     }
 }
 
-/// Frames are independent of each other: the mean over n of them has the root of n less noise, and comes near that of
-/// n N directions at once, which are stratified together.
+/// Frames are stratified together: the mean over n of them has less noise than n independent ones would leave, and not
+/// more than n N directions at once.
 #[test]
 fn frames_continue_each_other() {
     let scene = scenes::cornell();
@@ -620,13 +621,14 @@ fn frames_continue_each_other() {
         println!(
             "{frames} frames of {directions}: one {one:.4}, mean {mean:.4}, at once {at_once:.4}"
         );
-        // The reference has some noise of its own.
+        // Measured at 0.50 to 0.71, where independent frames leave 1.04.
         assert!(
-            mean < 1.15 * one / f64::from(frames).sqrt(),
+            mean < 0.8 * one / f64::from(frames).sqrt(),
             "mean over {frames} of {directions}: {mean}, {one}"
         );
+        // Measured at 0.86 to 0.92.
         assert!(
-            mean < 2.0 * at_once,
+            mean < at_once,
             "{frames} of {directions}: {mean}, {at_once}"
         );
     }

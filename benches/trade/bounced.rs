@@ -127,6 +127,7 @@ impl Method for Bounced {
             .map_err(|e| e.to_string())?;
         let counts: Vec<u32> = stage.gpu.read_buffer(
             self.counting
+                .gatherer
                 .view
                 .statistics()
                 .ok_or("the counting renderer counts")?,

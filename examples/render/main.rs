@@ -25,7 +25,7 @@ use deep_screen_space::{
 };
 use methods::Rendered;
 use support::{
-    files,
+    arguments, files,
     gpu::{Ask, Gpu},
     presets,
     scene::load_gltf,
@@ -53,7 +53,7 @@ struct Options {
     #[arg(long)]
     vfov: Option<f64>,
     /// Size of the picture in pixels, `WxH`.
-    #[arg(long, value_parser = view::parse_size)]
+    #[arg(long, value_parser = arguments::parse_size)]
     size: Option<[u32; 2]>,
     /// What to compute: ambient occlusion, one bounce of diffuse light, volumetric obscurance from the G-buffer alone, or a
     /// bounce from a reflective shadow map on a hull.

@@ -1,25 +1,249 @@
 //! The passes wired together for effects by the bounced z-buffer.
 
 use deep_screen_space::{
-    BouncedDescriptor, BouncedInput, BouncedView, BouncedZBuffer, Camera, CloudCapacity, Error,
-    Geometry, HitLighting, HitReconstructor, HitReconstructorDescriptor, HitReconstructorInput,
-    HitReconstructorView, Light, Lighting, Payload, Reach, Sampling, SenderBounds, SurfelCloud,
-    SurfelCounts, Surfelizer, SurfelizerInput, wgpu,
+    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Camera,
+    CloudCapacity, Error, Geometry, HitLighting, HitReconstructor, HitReconstructorDescriptor,
+    HitReconstructorInput, HitReconstructorSettings, HitReconstructorView, Light, Lighting,
+    Payload, Reach, Sampling, SenderBounds, ShadedLight, Shadow, SurfelCloud, SurfelCounts,
+    SurfelShader, SurfelShaderInput, SurfelShaderSettings, Surfelizer, SurfelizerInput,
+    SurfelizerSettings, wgpu,
 };
 
 use super::{gpu::Gpu, presets::BouncedPreset, raster::Raster, scene::SceneBuffers};
 
-/// The pipelines and one view.
-pub struct BouncedRenderer {
-    payload: Payload,
+/// A name and milliseconds of wall clock.
+type Timed = (&'static str, f64);
+
+/// What light of surfels needs besides.
+struct SurfelLighting {
+    shader: SurfelShader,
+    radiance: wgpu::Buffer,
+}
+
+/// What rays are traced among. Several [`Gatherer`]s may share it.
+pub struct Senders {
     surfelizer: Surfelizer,
+    pub cloud: SurfelCloud,
+    bounds: SenderBounds,
+    surfel_lighting: Option<SurfelLighting>,
+    /// What hits are lit by, of the last update.
+    lights: Vec<Light>,
+    materials: Option<wgpu::Buffer>,
+}
+
+impl Senders {
+    /// Room for what the gatherer needs; unless it takes light from surfels none are made, and a capacity of 0 does.
+    pub fn new(gpu: &Gpu, gatherer: &Gatherer, capacity: CloudCapacity) -> Result<Self, Error> {
+        let device = &gpu.device;
+        let surfelizer = Surfelizer::new(device, None)?;
+        let cloud = surfelizer.create_cloud(device, capacity)?;
+        let from_surfels = (Payload::Radiance, Lighting::Surfels);
+        let surfel_lighting = if (gatherer.descriptor.payload, gatherer.lighting) == from_surfels {
+            let shader = SurfelShader::new(device, None)?;
+            let radiance = shader.create_radiance(device, &cloud)?;
+            Some(SurfelLighting { shader, radiance })
+        } else {
+            None
+        };
+        Ok(Self {
+            bounds: gatherer.bounced.create_bounds(device, &cloud)?,
+            surfelizer,
+            cloud,
+            surfel_lighting,
+            lights: Vec::new(),
+            materials: None,
+        })
+    }
+
+    fn memory_bytes(&self) -> u64 {
+        self.cloud.memory_bytes()
+            + self.bounds.memory_bytes()
+            + self
+                .surfel_lighting
+                .as_ref()
+                .map_or(0, |l| l.radiance.size())
+    }
+
+    /// Makes pieces and their bounds and, where they are to shine, lights `samples` points of each surfel; a submission a
+    /// pass.
+    pub fn update(
+        &mut self,
+        gpu: &Gpu,
+        gatherer: &Gatherer,
+        scene: &SceneBuffers,
+        camera: &Camera,
+        lights: &[Light],
+        (settings, samples): (&SurfelizerSettings, u32),
+    ) -> Result<Vec<Timed>, Error> {
+        let device = &gpu.device;
+        self.lights = lights.to_vec();
+        self.materials = Some(scene.materials.clone());
+        let mut passes = Vec::new();
+        let meshes = scene.meshes();
+        let (ms, done) = gpu.time(|encoder| {
+            self.surfelizer.record(
+                device,
+                encoder,
+                &SurfelizerInput {
+                    geometry: Geometry { meshes: &meshes },
+                    camera,
+                    cull_by: &[*camera],
+                    timestamps: None,
+                },
+                settings,
+                &mut self.cloud,
+            )
+        });
+        done?;
+        passes.push(("surfelize", ms));
+        let (ms, done) = gpu.time(|encoder| {
+            gatherer
+                .bounced
+                .record_bounds(device, encoder, &self.cloud, &self.bounds, None)
+        });
+        done?;
+        passes.push(("bounds", ms));
+        if let Some(lighting) = &self.surfel_lighting {
+            let lights: Vec<_> = lights
+                .iter()
+                .map(|light| ShadedLight {
+                    light: *light,
+                    shadow: Shadow::Traced(&self.bounds),
+                })
+                .collect();
+            let (ms, done) = gpu.time(|encoder| {
+                lighting.shader.record(
+                    device,
+                    encoder,
+                    &SurfelShaderInput {
+                        cloud: &self.cloud,
+                        materials: &scene.materials,
+                        lights: &lights,
+                        radiance: &lighting.radiance,
+                        timestamps: None,
+                    },
+                    &SurfelShaderSettings { samples },
+                )
+            });
+            done?;
+            passes.push(("light", ms));
+        }
+        Ok(passes)
+    }
+}
+
+/// A kind of hits, and a view of them.
+pub struct Gatherer {
+    descriptor: HitReconstructorDescriptor,
+    lighting: Lighting,
     bounced: BouncedZBuffer,
     reconstructor: HitReconstructor,
-    pub cloud: SurfelCloud,
-    pub bounds: SenderBounds,
     pub view: BouncedView,
     scratch: HitReconstructorView,
-    target: wgpu::TextureView,
+    /// The picture.
+    pub target: wgpu::TextureView,
+}
+
+impl Gatherer {
+    /// With room for this many directions a pixel.
+    pub fn new(
+        gpu: &Gpu,
+        (descriptor, lighting): (HitReconstructorDescriptor, Lighting),
+        [width, height]: [u32; 2],
+        directions: u32,
+        statistics: bool,
+    ) -> Result<Self, Error> {
+        let device = &gpu.device;
+        let bounced = BouncedDescriptor {
+            payload: descriptor.payload,
+            sampling: descriptor.sampling,
+            lighting,
+            statistics,
+            ..BouncedDescriptor::default()
+        };
+        let bounced = BouncedZBuffer::new(device, &bounced, None)?;
+        let reconstructor = HitReconstructor::new(device, &descriptor, None)?;
+        Ok(Self {
+            view: bounced.create_view(device, width, height, directions)?,
+            scratch: reconstructor.create_view(device, width, height)?,
+            target: gpu.target(descriptor.target, width, height),
+            descriptor,
+            lighting,
+            bounced,
+            reconstructor,
+        })
+    }
+
+    /// Renders into the target, a submission a pass; glossy receivers need their roughness.
+    pub fn render(
+        &self,
+        gpu: &Gpu,
+        (raster, roughness): (&Raster, Option<&wgpu::TextureView>),
+        camera: &Camera,
+        senders: &Senders,
+        (traced, settings): (&BouncedSettings, &HitReconstructorSettings),
+    ) -> Result<Vec<Timed>, Error> {
+        let device = &gpu.device;
+        let materials = senders.materials.as_ref();
+        let lighting = materials
+            .filter(|_| {
+                (self.descriptor.payload, self.lighting) == (Payload::Radiance, Lighting::Hits)
+            })
+            .map(|materials| HitLighting {
+                materials,
+                lights: &senders.lights,
+            });
+        let (trace_ms, done) = gpu.time(|encoder| {
+            self.bounced.record(
+                device,
+                encoder,
+                &BouncedInput {
+                    gbuffer: raster.gbuffer(),
+                    camera,
+                    cloud: &senders.cloud,
+                    bounds: &senders.bounds,
+                    radiance: senders.surfel_lighting.as_ref().map(|l| &l.radiance),
+                    lighting,
+                    roughness,
+                    timestamps: None,
+                },
+                traced,
+                &self.view,
+            )
+        });
+        done?;
+        let (reconstruct_ms, done) = gpu.time(|encoder| {
+            self.reconstructor.record(
+                device,
+                encoder,
+                &HitReconstructorInput {
+                    gbuffer: raster.gbuffer(),
+                    roughness,
+                    camera,
+                    cloud: &senders.cloud,
+                    hits: &self.view,
+                    traced,
+                    target: &self.target,
+                    timestamps: None,
+                },
+                settings,
+                &self.scratch,
+            )
+        });
+        done?;
+        Ok(vec![("trace", trace_ms), ("reconstruct", reconstruct_ms)])
+    }
+
+    /// The picture, where the target is of four `f32`.
+    pub fn pixels(&self, gpu: &Gpu) -> Vec<[f32; 4]> {
+        gpu.read_texture(self.target.texture(), 0)
+    }
+}
+
+/// The pipelines and one view of matt receivers.
+pub struct BouncedRenderer {
+    senders: Senders,
+    pub gatherer: Gatherer,
 }
 
 /// The picture and what it took.
@@ -27,7 +251,7 @@ pub struct Picture {
     /// Visibility in all channels (1 = open), or radiance.
     pub pixels: Vec<[f32; 4]>,
     /// A name and milliseconds of wall clock a pass.
-    pub passes: Vec<(&'static str, f64)>,
+    pub passes: Vec<Timed>,
     pub counts: SurfelCounts,
 }
 
@@ -51,47 +275,34 @@ impl BouncedRenderer {
         gpu: &Gpu,
         payload: Payload,
         capacity: CloudCapacity,
-        [width, height]: [u32; 2],
+        size: [u32; 2],
         directions: u32,
         statistics: bool,
     ) -> Result<Self, Error> {
-        let device = &gpu.device;
-        let format = wgpu::TextureFormat::Rgba32Float;
-        let surfelizer = Surfelizer::new(device, None)?;
-        let descriptor = BouncedDescriptor {
-            payload,
-            lighting: Lighting::Hits,
-            statistics,
-            ..BouncedDescriptor::default()
-        };
-        let bounced = BouncedZBuffer::new(device, &descriptor, None)?;
         let descriptor = HitReconstructorDescriptor {
             payload,
             sampling: Sampling::default(),
             deferred: false,
-            target: format,
+            target: wgpu::TextureFormat::Rgba32Float,
         };
-        let reconstructor = HitReconstructor::new(device, &descriptor, None)?;
-        let cloud = surfelizer.create_cloud(device, capacity)?;
+        let gatherer = Gatherer::new(
+            gpu,
+            (descriptor, Lighting::Hits),
+            size,
+            directions,
+            statistics,
+        )?;
         Ok(Self {
-            payload,
-            bounds: bounced.create_bounds(device, &cloud)?,
-            view: bounced.create_view(device, width, height, directions)?,
-            scratch: reconstructor.create_view(device, width, height)?,
-            target: gpu.target(format, width, height),
-            surfelizer,
-            bounced,
-            reconstructor,
-            cloud,
+            senders: Senders::new(gpu, &gatherer, capacity)?,
+            gatherer,
         })
     }
 
     /// GPU memory of everything that the passes own, bytes.
     pub fn memory_bytes(&self) -> u64 {
-        self.cloud.memory_bytes()
-            + self.bounds.memory_bytes()
-            + self.view.memory_bytes()
-            + self.scratch.memory_bytes()
+        self.senders.memory_bytes()
+            + self.gatherer.view.memory_bytes()
+            + self.gatherer.scratch.memory_bytes()
     }
 
     /// Renders once, a submission a pass, so that each can be timed on any driver.
@@ -104,87 +315,23 @@ impl BouncedRenderer {
         lights: &[Light],
         preset: &BouncedPreset,
     ) -> Result<Picture, Error> {
-        let device = &gpu.device;
-        let mut passes = Vec::new();
         let mut settings = preset.surfelizer;
         // What lies beyond the radius is not hit, but may be what shadows what is.
         settings.reach = Reach {
             radii: f32::INFINITY,
-            world: if self.payload == Payload::Radiance {
+            world: if self.gatherer.descriptor.payload == Payload::Radiance {
                 f32::INFINITY
             } else {
                 preset.bounced.radius
             },
         };
-        let meshes = scene.meshes();
-        let (ms, done) = gpu.time(|encoder| {
-            self.surfelizer.record(
-                device,
-                encoder,
-                &SurfelizerInput {
-                    geometry: Geometry { meshes: &meshes },
-                    camera,
-                    cull_by: &[*camera],
-                    timestamps: None,
-                },
-                &settings,
-                &mut self.cloud,
-            )
-        });
-        done?;
-        passes.push(("surfelize", ms));
-        let (ms, done) = gpu.time(|encoder| {
-            self.bounced
-                .record_bounds(device, encoder, &self.cloud, &self.bounds, None)
-        });
-        done?;
-        passes.push(("bounds", ms));
-        let (ms, done) = gpu.time(|encoder| {
-            self.bounced.record(
-                device,
-                encoder,
-                &BouncedInput {
-                    gbuffer: raster.gbuffer(),
-                    camera,
-                    cloud: &self.cloud,
-                    bounds: &self.bounds,
-                    radiance: None,
-                    lighting: (self.payload == Payload::Radiance).then_some(HitLighting {
-                        materials: &scene.materials,
-                        lights,
-                    }),
-                    roughness: None,
-                    timestamps: None,
-                },
-                &preset.bounced,
-                &self.view,
-            )
-        });
-        done?;
-        passes.push(("trace", ms));
-        let (ms, done) = gpu.time(|encoder| {
-            self.reconstructor.record(
-                device,
-                encoder,
-                &HitReconstructorInput {
-                    gbuffer: raster.gbuffer(),
-                    roughness: None,
-                    camera,
-                    cloud: &self.cloud,
-                    hits: &self.view,
-                    traced: &preset.bounced,
-                    target: &self.target,
-                    timestamps: None,
-                },
-                &preset.reconstructor,
-                &self.scratch,
-            )
-        });
-        done?;
-        passes.push(("reconstruct", ms));
-        let counts: Vec<SurfelCounts> = gpu.read_buffer(self.cloud.counters());
+        let (senders, gatherer) = (&mut self.senders, &self.gatherer);
+        let mut passes = senders.update(gpu, gatherer, scene, camera, lights, (&settings, 1))?;
+        let how = (&preset.bounced, &preset.reconstructor);
+        passes.extend(gatherer.render(gpu, (raster, None), camera, senders, how)?);
+        let counts: Vec<SurfelCounts> = gpu.read_buffer(senders.cloud.counters());
         Ok(Picture {
-            pixels: gpu.read_texture(self.target.texture(), 0),
+            pixels: gatherer.pixels(gpu),
             passes,
             counts: counts[0],
         })

@@ -67,6 +67,14 @@ pub fn write_png_rgb(
         .map_err(|e| format!("{}: {e}", path.display()))
 }
 
+/// Radiance to 0…1 as film takes it: 1 − exp(−exposure · radiance), so that highlights fade to white and are not cut.
+pub fn tone_map(radiance: &[[f32; 3]], exposure: f32) -> Vec<[f32; 3]> {
+    radiance
+        .iter()
+        .map(|color| color.map(|v| 1.0 - (-exposure * v).exp()))
+        .collect()
+}
+
 fn srgb(linear: f32) -> u8 {
     let v = linear.clamp(0.0, 1.0);
     let encoded = if v <= 0.003_130_8 {

@@ -4,7 +4,9 @@
 #![allow(dead_code)]
 
 pub mod ambient_occlusion;
+pub mod arguments;
 pub mod bounced;
+pub mod errors;
 pub mod files;
 pub mod gpu;
 pub mod hull;
@@ -13,3 +15,4 @@ pub mod presets;
 pub mod raster;
 pub mod scene;
 pub mod shadow;
+pub mod temporal;

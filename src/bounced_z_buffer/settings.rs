@@ -108,8 +108,9 @@ pub struct BouncedSettings {
     pub directions: u32,
     /// The distance beyond which hits do not count, world units, ≥ 0; `f32::INFINITY` (default) for none.
     pub radius: f32,
-    /// Which set of directions to take, 0…2²⁰. Another number in each frame gives directions that are independent of
-    /// the old ones: the noise of a mean over frames falls with the root of their number. Default 0.
+    /// Which set of directions to take, 0…2²⁰. Counted up from frame to frame it gives each pixel directions that lie
+    /// between the old ones: a mean over n frames of N directions has about the noise of n N directions at once, and with n
+    /// a power of two it is stratified best. Default 0.
     pub frame: u32,
     /// Radiance that comes from where nothing is hit, linear RGB, W/(m² sr), each 0…1e18; of use with
     /// [`Payload::Radiance`](crate::Payload::Radiance) alone. Default black.

@@ -9,8 +9,6 @@ use crate::{
     BouncedSettings, Sampling, bounced_z_buffer::params::grid, reference::shell_splatter::Receiver,
 };
 
-const CELLS: u32 = 64;
-
 /// Two bits of x and y in turn, from four bits each.
 pub fn morton([x, y]: [u32; 2]) -> u32 {
     let spread = |bits: u32| {
@@ -21,31 +19,33 @@ pub fn morton([x, y]: [u32; 2]) -> u32 {
     spread(x) | (spread(y) << 1)
 }
 
-/// The second coordinate of Sobol's (0,2)-sequence, as a fraction of 2³²; the first one is the index's bits reversed.
+/// The second coordinate of Sobol's (0,2)-sequence, its bits reversed, the lowest one being worth 1/2. The first one is the
+/// index in the same way.
 pub fn sobol2(index: u32) -> u32 {
-    let mut bits = index;
-    let mut column = 0x8000_0000_u32;
-    let mut sum = 0;
-    while bits != 0 {
-        if bits & 1 != 0 {
-            sum ^= column;
-        }
-        column ^= column >> 1;
-        bits >>= 1;
-    }
-    sum
+    // Bit j is the sum of the bits that have all of j's.
+    [0x5555_5555, 0x3333_3333, 0x0f0f_0f0f, 0x00ff_00ff, 0xffff]
+        .into_iter()
+        .enumerate()
+        .fold(index, |v, (power, low)| v ^ ((v >> (1 << power)) & low))
+}
+
+/// Owen's scrambling of a number in reversed bits (Laine and Karras 2011).
+pub fn scramble(bits: u32, key: u32) -> u32 {
+    let mut v = bits ^ bits.wrapping_mul(0x3d20_adea);
+    v = v.wrapping_add(key);
+    v = v.wrapping_mul((key >> 16) | 1);
+    v ^= v.wrapping_mul(0x0552_6c56);
+    v ^ v.wrapping_mul(0x53a2_2864)
 }
 
 /// The point of cell `index` of columns × rows, in the unit square.
 pub fn cell_point(pixel: [u32; 2], index: u32, [columns, rows]: [u32; 2], frame: u32) -> DVec2 {
     let block = pixel.map(|p| p / 16);
     let number = morton(pixel);
-    let key = hash2(
-        block[0] | (block[1] << 16),
-        index.wrapping_add(CELLS.wrapping_mul(frame)),
-    );
-    let x = unit_float(number.reverse_bits() ^ key);
-    let y = unit_float(sobol2(number) ^ hash(key));
+    let key = hash2(block[0] | (block[1] << 16), index);
+    let x = number ^ scramble(frame, key);
+    let y = sobol2(number) ^ scramble(sobol2(frame), hash(key));
+    let [x, y] = [x, y].map(|bits| unit_float(bits.reverse_bits()));
     DVec2::new(
         (f64::from(index % columns) + x) / f64::from(columns),
         (f64::from(index / columns) + y) / f64::from(rows),

@@ -2,14 +2,12 @@
 // of the integrand's cosine (or of solid angle).
 //
 // Within their cells the pixels of a block of 16 x 16 take the points of a (0,2)-sequence in Morton order: the
-// directions of each aligned square of 4^k pixels are stratified 4^k times as finely as those of one pixel. Frames scramble
-// it anew. Rays of one cell and of neighbouring pixels stay near each other.
+// directions of each aligned square of 4^k pixels are stratified 4^k times as finely as those of one pixel. Over frames a pixel
+// takes the points of another one, so that its directions of 2^k frames in a row from a multiple of 2^k are stratified 2^k
+// times as finely as those of one frame. Rays of one cell and of neighbouring pixels stay near each other.
 
 const SAMPLE_COSINE: u32 = 0u;
 const SAMPLE_UNIFORM: u32 = 1u;
-
-// The most cells.
-const CELLS: u32 = 64u;
 
 // Two bits of x and y in turn, from four bits each.
 fn morton(p: vec2u) -> u32 {
@@ -19,29 +17,39 @@ fn morton(p: vec2u) -> u32 {
   return v.x | (v.y << 1u);
 }
 
-// The second coordinate of Sobol's (0,2)-sequence, as a fraction of 2^32; the first one is the index's bits reversed.
+// Of Sobol's (0,2)-sequence the first coordinate is the index's bits reversed, the first one being worth 1/2, and the second
+// one this with its bits reversed. Bit j is the sum of the bits k whose binomial coefficient (k, j) is odd, those that have
+// all of j's bits: one step for each bit of j.
 fn sobol2(index: u32) -> u32 {
-  // Row j of the matrix is row j - 1 times x + 1 over the field of two elements.
-  var bits = index;
-  var column = 0x80000000u;
-  var sum = 0u;
-  while bits != 0u {
-    sum ^= select(0u, column, (bits & 1u) != 0u);
-    column ^= column >> 1u;
-    bits >>= 1u;
-  }
-  return sum;
+  var v = index;
+  v ^= (v >> 1u) & 0x55555555u;
+  v ^= (v >> 2u) & 0x33333333u;
+  v ^= (v >> 4u) & 0x0f0f0f0fu;
+  v ^= (v >> 8u) & 0x00ff00ffu;
+  return v ^ (v >> 16u);
+}
+
+// Owen's scrambling of a number in reversed bits: whether a bit flips depends on the key and the bits below it alone (Laine
+// and Karras 2011; the constants are N. Vegdahl's). What is stratified by leading digits stays so.
+fn scramble(bits: u32, key: u32) -> u32 {
+  var v = bits ^ (bits * 0x3d20adeau);
+  v += key;
+  v *= (key >> 16u) | 1u;
+  v ^= v * 0x05526c56u;
+  return v ^ (v * 0x53a22864u);
 }
 
 // The point of cell `index` of columns x rows, in the unit square.
 fn cell_point(pixel: vec2u, index: u32, columns: u32, rows: u32, frame: u32) -> vec2f {
   let block = pixel / 16u;
   let number = morton(pixel);
-  // Blocks, cells and frames take the sequence in scrambled digits, which keeps it one of its kind. Frames that went on
-  // with it instead would move a pixel's x by less than 1/256: its mean over frames would not converge.
-  let key = hash2(block.x | (block.y << 16u), index + CELLS * frame);
-  let x = unit_float(reverseBits(number) ^ key);
-  let y = unit_float(sobol2(number) ^ hash(key));
+  // Frames flip digits of the pixels' sequence, blocks and cells each in their own way. Flips that are the same for all
+  // pixels keep it one of its kind; and as they take the points of such a sequence themselves, so do each pixel's over
+  // frames. Scrambled, since what pixels and frames have in common would bring the same points again. Frames that went on
+  // where the pixels' sequence ends would move a pixel's x by less than 1/256: its mean over them would not converge.
+  let key = hash2(block.x | (block.y << 16u), index);
+  let x = unit_float(reverseBits(number ^ scramble(frame, key)));
+  let y = unit_float(reverseBits(sobol2(number) ^ scramble(sobol2(frame), hash(key))));
   return vec2f((f32(index % columns) + x) / f32(columns), (f32(index / columns) + y) / f32(rows));
 }
 
