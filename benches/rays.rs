@@ -156,6 +156,7 @@ fn measure(gpu: &Gpu, scene: &Scene, name: &str, size: [u32; 2]) -> serde_json::
             }
         }
         let counts: Option<Vec<u32>> = renderer
+            .gatherer
             .view
             .statistics()
             .map(|buffer| gpu.read_buffer(buffer));
