@@ -107,6 +107,20 @@ override SAMPLING: u32 = 0u;
 #endif
 #endif
 
+// A rasteriser takes vertices to lie on a grid, of 1/256 pixel or, on some drivers, of 1/16: a triangle as drawn is off the
+// triangle that rays meet by up to half of that.
+const GRID: f32 = 1.0 / 32.0;
+// Of the distance from the eye; but not more than this, however large pixels are.
+const MOST_OFFSET: f32 = 2e-4;
+
+// Where a pixel's rays start. `side` is its unit normal, `seen_from` the unit vector to where it is seen from, which leads
+// off any other surface that meets its own there: a point of an inner edge may have been rounded to beyond the other one.
+fn off_surface(position: vec3f, side: vec3f, seen_from: vec3f) -> vec3f {
+  let relative = position - camera.eye;
+  let grid = min(GRID * footprint(camera, relative), MOST_OFFSET * length(relative));
+  return position + (side + seen_from) * (rounding(position) + grid);
+}
+
 // What a pixel's ray meets first; with `any` something that it meets.
 fn find(ray: Ray, pixel: vec2u, normal: vec3f, any: bool) -> Hit {
 #if SENDER_DISKS
@@ -129,8 +143,7 @@ fn incoming(ray: Ray, hit: Hit) -> vec3f {
   let side = select(-normal, normal, facing);
   let place = ray.origin + ray.direction * hit.t;
   // Known to the rounding of where the ray started, which may be the farther end.
-  let offset = 4.0 * POSITION_TOLERANCE * max(max_component(abs(place)), max_component(abs(ray.origin)));
-  let point = place + (side - ray.direction) * offset;
+  let point = place + (side - ray.direction) * max(rounding(place), rounding(ray.origin));
   var irradiance = vec3f(0.0);
   let count = rooms_taken(counters.pieces, params.piece_capacity);
   for (var i = 0u; i < lights.count; i++) {

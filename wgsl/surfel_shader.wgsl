@@ -63,7 +63,7 @@ fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {
 
 fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {
   let count = rooms_taken(counters.pieces, params.piece_capacity);
-  return unshadowed(off_surface(point, side, vec3f(0.0)), arrival, count, params.piece_capacity);
+  return unshadowed(point + side * rounding(point), arrival, count, params.piece_capacity);
 }
 #else
 fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {

@@ -58,7 +58,7 @@ pub fn bounced_preset(name: &str, payload: Payload, radius: f32) -> Option<Bounc
         ("accurate", Payload::Occlusion) => (64, 3, 3.0),
         ("fast", Payload::Radiance) => (8, 4, 6.0),
         ("balanced", Payload::Radiance) => (40, 3, 4.0),
-        ("accurate", Payload::Radiance) => (64, 2, 3.0),
+        ("accurate", Payload::Radiance) => (64, 3, 3.0),
         _ => return None,
     };
     Some(BouncedPreset {

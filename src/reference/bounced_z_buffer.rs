@@ -24,6 +24,8 @@ use crate::{
 /// Stands for infinity.
 const FAR: f64 = 1e18;
 const POSITION_TOLERANCE: f64 = 1e-6;
+const GRID: f64 = 1.0 / 32.0;
+const MOST_OFFSET: f64 = 2e-4;
 const SHAPE_ORDER: u32 = 0xfff;
 
 /// A ray in the cloud's eye space.
@@ -44,9 +46,17 @@ pub struct Hit {
     pub piece: usize,
 }
 
-/// Where a ray of a surface starts; `side` is its unit normal, `seen_from` the unit vector to where it is seen from.
-pub fn off_surface(position: DVec3, side: DVec3, seen_from: DVec3) -> DVec3 {
-    position + (side + seen_from) * (4.0 * POSITION_TOLERANCE * position.abs().max_element())
+/// How far a ray starts off what it leaves.
+pub fn rounding(position: DVec3) -> f64 {
+    4.0 * POSITION_TOLERANCE * position.abs().max_element()
+}
+
+/// Where a pixel's rays start, relative to the cloud's `origin`; `side` is its unit normal.
+pub fn off_surface(camera: &Camera, origin: DVec3, position: DVec3, side: DVec3) -> DVec3 {
+    let seen_from = to_camera(camera, origin, position);
+    let distance = position.distance(camera.eye() - origin);
+    let grid = (GRID * camera.footprint().at(origin + position)).min(MOST_OFFSET * distance);
+    position + (side + seen_from) * (rounding(position) + grid)
 }
 
 /// Unit vector from a point to where a camera sees it from, both relative to the cloud's `origin`.
@@ -138,9 +148,13 @@ impl Tracing<'_> {
             .map(|(i, drawn)| {
                 let receiver = self.receivers[i / per_pixel]?;
                 let Direction { direction, .. } = (*drawn)?;
-                let seen_from = to_camera(self.camera, self.origin, receiver.position);
                 Some(Ray {
-                    origin: off_surface(receiver.position, receiver.normal, seen_from),
+                    origin: off_surface(
+                        self.camera,
+                        self.origin,
+                        receiver.position,
+                        receiver.normal,
+                    ),
                     direction,
                 })
             })
@@ -227,11 +241,8 @@ impl Tracing<'_> {
         let facing = normal.dot(ray.direction) < 0.0;
         let side = if facing { normal } else { -normal };
         let place = ray.origin + ray.direction * hit.t;
-        let size = place
-            .abs()
-            .max_element()
-            .max(ray.origin.abs().max_element());
-        let point = place + (side - ray.direction) * (4.0 * POSITION_TOLERANCE * size);
+        let offset = rounding(place).max(rounding(ray.origin));
+        let point = place + (side - ray.direction) * offset;
         let mut irradiance = DVec3::ZERO;
         for light in lights {
             let arrival = arrival(light, place);

@@ -27,11 +27,9 @@ fn make_ray(origin: vec3f, direction: vec3f) -> Ray {
   return Ray(origin, direction, 1.0 / d);
 }
 
-// Where a ray of a surface starts: off it by more than the rounding of its position. `side` is its unit normal, `seen_from`
-// the unit vector to where it is seen from, which leads off any other surface that meets it there: a point of an inner
-// edge may have been rounded to beyond the other surface.
-fn off_surface(position: vec3f, side: vec3f, seen_from: vec3f) -> vec3f {
-  return position + (side + seen_from) * (4.0 * POSITION_TOLERANCE * max_component(abs(position)));
+// How far a ray starts off what it leaves: by more than the rounding of a position.
+fn rounding(position: vec3f) -> f32 {
+  return 4.0 * POSITION_TOLERANCE * max_component(abs(position));
 }
 
 fn node_texel(i: u32) -> vec4f {
