@@ -24,7 +24,7 @@ const MARCHES: [[u32; 3]; 7] = [
     [4, 16, 5],
     [8, 32, 4],
     [16, 64, 3],
-    [64, 128, 2],
+    [32, 96, 2],
 ];
 
 /// How deep surfaces are, in the scene's radius for occlusion.

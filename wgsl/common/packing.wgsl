@@ -27,7 +27,9 @@ fn unpack_normal(bits: u32) -> vec3f {
 // A colour of 0 to 1e30 in four bytes: 8 bits a channel and a shared exponent (Ward 1991), rounded to nearest, so within
 // 1/256 of the largest channel.
 fn pack_color(color: vec3f) -> u32 {
-  let c = clamp(color, vec3f(0.0), vec3f(1e30));
+  // By its bits, see is_finite: clamp may return anything for what is not a number. That counts as 0.
+  let is_nan = (bitcast<vec3u>(color) & vec3u(0x7fffffffu)) > vec3u(0x7f800000u);
+  let c = clamp(select(color, vec3f(0.0), is_nan), vec3f(0.0), vec3f(1e30));
   let largest = max(c.x, max(c.y, c.z));
   if !(largest >= 1e-30) {
     return 0u;
