@@ -17,6 +17,7 @@ use deep_screen_space::{
     glam::DVec3,
     reference::{
         bounced_disks::PixelRay,
+        bounced_z_buffer::off_surface,
         directions::directions,
         effects::Sender,
         hashing::hash,
@@ -218,16 +219,24 @@ fn settings(directions: u32, disks: DiskSettings) -> BouncedSettings {
     }
 }
 
-fn rays(receivers: &[Option<Receiver>], width: u32, settings: &BouncedSettings) -> Vec<PixelRay> {
+/// Of a view whose cloud was made for its own eye.
+fn rays(
+    receivers: &[Option<Receiver>],
+    camera: &Camera,
+    settings: &BouncedSettings,
+) -> Vec<PixelRay> {
+    let width = camera.viewport().width;
     let each = settings.directions as usize;
     directions(receivers, width, settings, Sampling::Cosine)
         .iter()
         .enumerate()
         .filter_map(|(i, drawn)| {
             let pixel = (i / each) as u32;
+            let receiver = receivers[i / each]?;
             Some(PixelRay {
                 pixel: [pixel % width, pixel / width],
-                receiver: receivers[i / each]?,
+                receiver,
+                origin: off_surface(camera, camera.eye(), receiver.position, receiver.normal),
                 direction: drawn.as_ref()?.direction,
             })
         })
@@ -267,7 +276,7 @@ fn compare(gpu: &Gpu, shot: &Shot, cloud: &Cloud, levels: u32, settings: &Bounce
         .zip(&all_bits)
         .filter_map(|(hit, bit)| Some((*hit, (*bit)?)))
         .collect();
-    let rays = rays(&receivers, colors.size()[0], settings);
+    let rays = rays(&receivers, &shot.camera, settings);
     assert_eq!(rays.len(), seen.len(), "{inputs}");
     // A direction's frame turns over where the normal's z changes its sign, which rounding decides near 0, unless the
     // normal is an axis.
@@ -629,7 +638,7 @@ fn closed_rooms_leak_through_disks_and_not_through_pieces() {
 fn traced(shot: &Shot, rays: &[PixelRay], radius: f32) -> Vec<bool> {
     rays.par_iter()
         .map(|ray| {
-            let origin = ray.origin() + shot.camera.eye();
+            let origin = ray.origin + shot.camera.eye();
             shot.tracer
                 .occluded(origin, ray.direction, 0.0, f64::from(radius))
         })
@@ -672,7 +681,7 @@ fn smaller_disks_block_less_that_is_open() {
                 .into_iter()
                 .flatten()
                 .collect();
-            let rays = rays(&receivers(&gpu, &view), view.size()[0], &bounced);
+            let rays = rays(&receivers(&gpu, &view), &shot.camera, &bounced);
             let truth = traced(&shot, &rays, f32::INFINITY);
             let errors = errors(&found, &truth, 16);
             println!(

@@ -9,9 +9,6 @@ use crate::{BouncedSettings, Merge};
 /// Stands for infinity, as in the shader.
 const FAR: f64 = 1e18;
 
-/// Rounding of positions relative to their size: `POSITION_TOLERANCE` of `wgsl/common/walk_tree.wgsl`.
-const POSITION_TOLERANCE: f64 = 1e-6;
-
 /// What a ray meets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DiskHit {
@@ -30,17 +27,13 @@ pub struct PixelRay {
     pub pixel: [u32; 2],
     /// What it sees.
     pub receiver: Receiver,
-    /// Where the ray goes.
+    /// Where the ray starts: [`off_surface`](super::bounced_z_buffer::off_surface).
+    pub origin: DVec3,
+    /// Where it goes.
     pub direction: DVec3,
 }
 
 impl PixelRay {
-    /// Where it starts.
-    pub fn origin(&self) -> DVec3 {
-        let Receiver { position, normal } = self.receiver;
-        position + normal * (4.0 * POSITION_TOLERANCE * position.abs().max_element())
-    }
-
     /// Where it meets a disk on a level, from either side and within the level's shell.
     pub fn meet(
         &self,
@@ -51,7 +44,7 @@ impl PixelRay {
     ) -> Option<f64> {
         let (radius, normal) = (disk.sender.radius, disk.sender.normal);
         let scale = f64::from(1_u32 << level);
-        let to_center = disk.position - self.origin();
+        let to_center = disk.position - self.origin;
         let height = normal.dot(to_center);
         let slope = normal.dot(self.direction);
         if slope.abs() < 1e-12 {

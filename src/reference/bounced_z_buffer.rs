@@ -54,8 +54,8 @@ pub fn rounding(position: DVec3) -> f64 {
 /// Where a pixel's rays start, relative to the cloud's `origin`; `side` is its unit normal.
 pub fn off_surface(camera: &Camera, origin: DVec3, position: DVec3, side: DVec3) -> DVec3 {
     let seen_from = to_camera(camera, origin, position);
-    let distance = position.distance(camera.eye() - origin);
-    let grid = (GRID * camera.footprint().at(origin + position)).min(MOST_OFFSET * distance);
+    let relative = position - (camera.eye() - origin);
+    let grid = (GRID * camera.footprint().at(relative)).min(MOST_OFFSET * relative.length());
     position + (side + seen_from) * (rounding(position) + grid)
 }
 
