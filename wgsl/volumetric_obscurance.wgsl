@@ -148,17 +148,36 @@ fn moments_at(texel: vec2i, level: u32) -> vec4f {
   return moments[stored.offset + u32(texel.y) * stored.size.x + u32(texel.x)];
 }
 
-// Between the four squares about a place.
-fn blended_moments(place: vec2f, level: u32) -> vec4f {
-  let p = place / f32(1u << level) - 0.5;
-  let corner = floor(p);
-  let f = p - corner;
-  let g = 1.0 - f;
-  let texel = vec2i(corner);
-  return merge_moments(
-    moments_at(texel, level), moments_at(texel + vec2i(1, 0), level),
-    moments_at(texel + vec2i(0, 1), level), moments_at(texel + vec2i(1, 1), level),
-    vec4f(g.x * g.y, f.x * g.y, g.x * f.y, f.x * f.y));
+// Of a square of 2^level pixels a side about a place: between the four texels about it, of two levels. One texel at a time, in
+// the manner of Welford (1962), where eight reads side by side take some drivers minutes to compile.
+fn moments_around(place: vec2f, level: f32) -> vec4f {
+  let clamped = clamp(level, 0.0, f32(MOMENT_LEVELS));
+  let lower = u32(clamped);
+  let between = clamped - f32(lower);
+  var mean = 0.0;
+  var squares = 0.0;
+  var covered = 0.0;
+  var inside = 0.0;
+  for (var i = 0u; i < 8u; i++) {
+    let upper = i >= 4u;
+    let at = min(lower + select(0u, 1u, upper), MOMENT_LEVELS);
+    let p = place / f32(1u << at) - 0.5;
+    let corner = floor(p);
+    let step = vec2u(i & 1u, (i >> 1u) & 1u);
+    let shares = select(1.0 - (p - corner), p - corner, step == vec2u(1u));
+    let share = shares.x * shares.y * select(1.0 - between, between, upper);
+    let m = moments_at(vec2i(corner) + vec2i(step), at);
+    inside += share * m.w;
+    let weight = share * m.z;
+    if weight > 0.0 {
+      covered += weight;
+      let part = weight / covered;
+      let apart = m.x - mean;
+      mean += part * apart;
+      squares += weight * (m.y + apart * apart * (1.0 - part));
+    }
+  }
+  return vec4f(mean, select(0.0, squares / covered, covered > 0.0), covered, inside);
 }
 
 // The depths of a square of 2^level pixels a side about a place, as a box.
@@ -167,12 +186,7 @@ fn look_around(receiver: Receiver, h: vec3f, level: f32) -> Seen {
   if !(h.z > 0.0 && is_inside(place)) {
     return Seen(vec2f(0.0), 0.0, 0.0, 0.0);
   }
-  let clamped = clamp(level, 0.0, f32(MOMENT_LEVELS));
-  let lower = u32(clamped);
-  let between = clamped - f32(lower);
-  let a = blended_moments(place, lower);
-  let b = blended_moments(place, min(lower + 1u, MOMENT_LEVELS));
-  let m = merge_moments(a, b, vec4f(0.0), vec4f(0.0), vec4f(1.0 - between, between, 0.0, 0.0));
+  let m = moments_around(place, level);
   // The point of that view depth on the line through the place.
   let p = params.from_pixel * vec4f(place, 0.0, 1.0);
   var direction = params.forward;
