@@ -136,10 +136,10 @@ struct Case {
 static GPU: LazyLock<Gpu> =
     LazyLock::new(|| Gpu::open(Ask::from_env()).expect("a graphics adapter"));
 
+type Passes = HashMap<(ObscuranceSampling, ObscuranceVolume), Arc<VolumetricObscurance>>;
+
 /// Pipelines, compiled once for all tests.
-static PASSES: LazyLock<
-    Mutex<HashMap<(ObscuranceSampling, ObscuranceVolume), Arc<VolumetricObscurance>>>,
-> = LazyLock::new(Mutex::default);
+static PASSES: LazyLock<Mutex<Passes>> = LazyLock::new(Mutex::default);
 
 impl Case {
     fn pass(&self) -> Arc<VolumetricObscurance> {
@@ -326,11 +326,17 @@ fn the_shader_agrees_with_its_mirror() {
         seed: 7,
         ..plain
     };
+    let still = ObscuranceSettings {
+        turn: false,
+        ..plain
+    };
     // Tables of a kind are read by the same code, so one of them takes the plain settings and the other the rest.
     let cases = [
         (POINTS, plain),
         (POINTS, thick),
+        (ObscuranceSampling::Points(BallSamples::SixtyFour), still),
         (LINES, plain),
+        (ObscuranceSampling::Lines(DiskSamples::FiveAround), thick),
         (ObscuranceSampling::Lines(DiskSamples::TwelveAround), thick),
         (ObscuranceSampling::Areas(DiskSamples::Seven), thick),
         (ObscuranceSampling::OneArea, plain),
@@ -573,7 +579,11 @@ fn many_samples_give_the_integral() {
                 Some((pixel, [of_depth, of_geometry]))
             })
             .collect();
-        for sampling in [ObscuranceSampling::Lines(DiskSamples::Sixteen), POINTS] {
+        for sampling in [
+            ObscuranceSampling::Lines(DiskSamples::Sixteen),
+            ObscuranceSampling::Lines(DiskSamples::FiveAround),
+            POINTS,
+        ] {
             let mut errors = [0.0; 2];
             for &(pixel, truth) in &truth {
                 let mean = (0..16)
@@ -591,10 +601,11 @@ fn many_samples_give_the_integral() {
             // What is left of sixteen reflections, and of pixels that are not small beside a radius of a few: at silhouettes
             // the depth in between two of them stands for a surface that a sample at their centres never sees.
             // Points near a slope are held against a pixel's own depth, which shades it where pixels are large.
-            let most = if sampling == POINTS {
-                [0.15, 0.15]
-            } else {
-                [0.06, 0.03]
+            // Five lines see five depths of a sphere, of which those beside the centre are none.
+            let most = match sampling {
+                POINTS => [0.15, 0.15],
+                ObscuranceSampling::Lines(DiskSamples::FiveAround) => [0.08, 0.07],
+                _ => [0.06, 0.03],
             };
             assert!(
                 of_depth < most[0] && of_geometry < most[1],
