@@ -19,6 +19,7 @@ fn main() {
         (9, true),
         (13, true),
         (16, true),
+        (5, false),
         (12, false),
         (13, false),
         (15, false),
@@ -33,7 +34,7 @@ fn main() {
             println!("[{}, {}, {}],", digits(p.x), digits(p.y), digits(*share));
         }
     }
-    for count in [6, 12, 33] {
+    for count in [6, 12, 33, 64] {
         let table = generate(Domain::Ball, count, false, SEED);
         println!(
             "// {count}: shares within {:.2} %, energy {:.4}",

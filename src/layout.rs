@@ -291,7 +291,7 @@ fn structs_match_the_shaders() {
         );
     }
     let obscurance = fields!(ObscuranceParams: camera, to_pixel, from_pixel, forward, level, normals, depth_step, depth_relative, radii,
-        radius_count, combine, max_pixels, thickness, seed, box_half_width, count, moment_levels, samples);
+        radius_count, combine, max_pixels, thickness, seed, box_half_width, count, turn, uphill, moment_levels, samples);
     for variant in ["", " normals areas list"] {
         check(
             &ao,

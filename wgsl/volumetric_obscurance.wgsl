@@ -40,14 +40,16 @@ struct Params {
   // Half width of the box that stands for an area's depths, in standard deviations.
   box_half_width: f32,
   count: u32,
-  padding0: u32,
-  padding1: u32,
+  // Whether each pixel draws numbers of its own.
+  turn: u32,
+  // Whether lines are turned to the side where the half sphere is.
+  uphill: u32,
   padding2: u32,
   // Of the depth's moments, from squares of 2 x 2 pixels on.
   moment_levels: array<MomentLevel, 8>,
   // On the disk x, y, half the chord's length (of an area the logarithm of the side of a square of the same share,
   // base 2) and share; in the ball x, y, z and share.
-  samples: array<vec4f, 33>,
+  samples: array<vec4f, 64>,
 }
 
 const MINIMUM: u32 = 1u;
@@ -84,6 +86,8 @@ struct Receiver {
   uncertainty: f32,
   // What the pixel's samples are reflected about.
   mirror: vec3f,
+  // In 0...1, what decides which lines are turned.
+  draw: f32,
   footprint: f32,
 }
 
@@ -148,17 +152,36 @@ fn moments_at(texel: vec2i, level: u32) -> vec4f {
   return moments[stored.offset + u32(texel.y) * stored.size.x + u32(texel.x)];
 }
 
-// Between the four squares about a place.
-fn blended_moments(place: vec2f, level: u32) -> vec4f {
-  let p = place / f32(1u << level) - 0.5;
-  let corner = floor(p);
-  let f = p - corner;
-  let g = 1.0 - f;
-  let texel = vec2i(corner);
-  return merge_moments(
-    moments_at(texel, level), moments_at(texel + vec2i(1, 0), level),
-    moments_at(texel + vec2i(0, 1), level), moments_at(texel + vec2i(1, 1), level),
-    vec4f(g.x * g.y, f.x * g.y, g.x * f.y, f.x * f.y));
+// Of a square of 2^level pixels a side about a place: between the four texels about it, of two levels. One texel at a time, in
+// the manner of Welford (1962), where eight reads side by side take some drivers minutes to compile.
+fn moments_around(place: vec2f, level: f32) -> vec4f {
+  let clamped = clamp(level, 0.0, f32(MOMENT_LEVELS));
+  let lower = u32(clamped);
+  let between = clamped - f32(lower);
+  var mean = 0.0;
+  var squares = 0.0;
+  var covered = 0.0;
+  var inside = 0.0;
+  for (var i = 0u; i < 8u; i++) {
+    let upper = i >= 4u;
+    let at = min(lower + select(0u, 1u, upper), MOMENT_LEVELS);
+    let p = place / f32(1u << at) - 0.5;
+    let corner = floor(p);
+    let step = vec2u(i & 1u, (i >> 1u) & 1u);
+    let shares = select(1.0 - (p - corner), p - corner, step == vec2u(1u));
+    let share = shares.x * shares.y * select(1.0 - between, between, upper);
+    let m = moments_at(vec2i(corner) + vec2i(step), at);
+    inside += share * m.w;
+    let weight = share * m.z;
+    if weight > 0.0 {
+      covered += weight;
+      let part = weight / covered;
+      let apart = m.x - mean;
+      mean += part * apart;
+      squares += weight * (m.y + apart * apart * (1.0 - part));
+    }
+  }
+  return vec4f(mean, select(0.0, squares / covered, covered > 0.0), covered, inside);
 }
 
 // The depths of a square of 2^level pixels a side about a place, as a box.
@@ -167,12 +190,7 @@ fn look_around(receiver: Receiver, h: vec3f, level: f32) -> Seen {
   if !(h.z > 0.0 && is_inside(place)) {
     return Seen(vec2f(0.0), 0.0, 0.0, 0.0);
   }
-  let clamped = clamp(level, 0.0, f32(MOMENT_LEVELS));
-  let lower = u32(clamped);
-  let between = clamped - f32(lower);
-  let a = blended_moments(place, lower);
-  let b = blended_moments(place, min(lower + 1u, MOMENT_LEVELS));
-  let m = merge_moments(a, b, vec4f(0.0), vec4f(0.0), vec4f(1.0 - between, between, 0.0, 0.0));
+  let m = moments_around(place, level);
   // The point of that view depth on the line through the place.
   let p = params.from_pixel * vec4f(place, 0.0, 1.0);
   var direction = params.forward;
@@ -201,9 +219,13 @@ fn random_direction(bits: u32) -> vec2f {
   return select(turned, -turned, (bits & 0x40000000u) != 0u);
 }
 
+// The pixel's random bits.
+fn random_bits(pixel: vec2u) -> u32 {
+  return hash2(select(0u, pixel.x | (pixel.y << 16u), params.turn != 0u), params.seed);
+}
+
 // What the pixel's samples are reflected about: on the disk a direction of the plane, in the ball one of space.
-fn random_mirror(pixel: vec2u) -> vec3f {
-  let bits = hash2(pixel.x | (pixel.y << 16u), params.seed);
+fn random_mirror(bits: u32) -> vec3f {
   let direction = random_direction(bits);
   if POINTS {
     let z = 2.0 * unit_float(hash(bits)) - 1.0;
@@ -278,9 +300,22 @@ fn openness(receiver: Receiver, world_radius: f32) -> f32 {
 #if AREAS
     let seen = look_around(receiver, center + across * entry.xy, log_pixels + entry.z);
     let half_chord = sqrt(max(1.0 - dot(entry.xy, entry.xy), 0.0));
+    let at = entry.xy;
 #else
-    let seen = look(receiver, center + across * entry.xy);
     let half_chord = entry.z;
+    var at = entry.xy;
+#if NORMALS
+    // Chords on opposite sides of the centre have as much of the half sphere between them as a whole one, and the draw
+    // decides which of them is looked at: as often as is its share. So no line falls where there is little to see.
+    if params.uphill != 0u && half_chord + dot(slope, at) / facing < 2.0 * half_chord * receiver.draw {
+      at = -at;
+    }
+#endif
+    // About the point itself there is the point: nothing to look up.
+    var seen = Seen(vec2f(0.0), 0.0, 1.0, 1.0);
+    if TANGENT || any(at != vec2f(0.0)) {
+      seen = look(receiver, center + across * at);
+    }
 #endif
     // Farther than any sphere reaches, before it could leave the range of f32.
     let height = clamp(seen.offset.x / scale - above * toward_eye, -1e6, 1e6);
@@ -288,11 +323,13 @@ fn openness(receiver: Receiver, world_radius: f32) -> f32 {
 #if NORMALS
     // The part of the chord above the plane through the point. Where a surface is seen, the plane's height is that on its
     // line of sight, which passes a pixel's centre, not the sample: so no plane shades itself.
-    let on_disk = -(above + dot(slope, entry.xy)) / facing;
+    let on_disk = -(above + dot(slope, at)) / facing;
     let plane = select(on_disk, height - seen.offset.y / scale / facing, seen.covered > 0.0);
     low = clamp(mix(on_disk, plane, seen.covered), low, half_chord);
 #endif
-    let share = entry.w * seen.inside / (2.0 * half_chord);
+    // A turned line stands for as much as any other, however long it is.
+    let whole = select(2.0 * half_chord, max(half_chord - low, 1e-6), params.uphill != 0u);
+    let share = entry.w * seen.inside / whole;
     total += share * (half_chord - low);
     if seen.covered > 0.0 {
       let front = height - uncertainty;
@@ -338,8 +375,10 @@ fn obscure(pixel: vec2u) -> f32 {
   // The point's own depth, and that of what it is compared with.
   let error = 2.0 * abs(along_rows(rows, vec2f(pixel), nearer).x - here.x);
   let uncertainty = select(0.0, error, step > 0.0 && is_finite(error));
-  let mirror = random_mirror(pixel);
-  let receiver = Receiver(p.xyz, n, axis, rows, here, uncertainty, mirror, footprint(params.camera, p.xyz));
+  let bits = random_bits(pixel);
+  let receiver = Receiver(
+    p.xyz, n, axis, rows, here, uncertainty, random_mirror(bits), unit_float(hash(bits)),
+    footprint(params.camera, p.xyz));
   var open = openness(receiver, params.radii.x);
   if params.radius_count > 1u {
     let second = openness(receiver, params.radii.y);

@@ -2,7 +2,9 @@
 //!
 //! Ambient occlusion (`--effect ao`) is written to `ao.exr` (one channel `Y`, 1 = open) and `ao.png`, indirect light
 //! (`--effect gi`) to `gi.exr` (R, G, B: outgoing radiance of one diffuse bounce) and `gi.png`, volumetric obscurance
-//! (`--effect vo`) to `vo.exr` and `vo.png` as ambient occlusion, and what it took to `stats.json`. `--effect sg` writes
+//! (`--effect vo`) to `vo.exr` and `vo.png` as ambient occlusion, soft shadows of the first light (`--effect shadow`) to
+//! `shadow.exr` and `shadow.png` (1 = lit), screen-space indirect light (`--effect ssgi`, of a white surface) to `ssgi.exr` and
+//! `ssgi.png`, and what it took to `stats.json`. `--multires` computes these three by sub-images. `--effect sg` writes
 //! `sg.exr` and `sg.png`: a bounce from a reflective shadow map, without shadows, gathered on the sparse hull of what is
 //! seen. With `--reference` the ray-traced truth comes too (for `sg` the same light gathered at every pixel), and how far
 //! off the picture is.
@@ -27,7 +29,7 @@ use methods::Rendered;
 use support::{
     arguments, files,
     gpu::{Ask, Gpu},
-    presets,
+    multires, presets,
     scene::load_gltf,
 };
 
@@ -55,10 +57,14 @@ struct Options {
     /// Size of the picture in pixels, `WxH`.
     #[arg(long, value_parser = arguments::parse_size)]
     size: Option<[u32; 2]>,
-    /// What to compute: ambient occlusion, one bounce of diffuse light, volumetric obscurance from the G-buffer alone, or a
-    /// bounce from a reflective shadow map on a hull.
-    #[arg(long, default_value = "ao", value_parser = ["ao", "gi", "vo", "sg"])]
+    /// What to compute: ambient occlusion, one bounce of diffuse light, volumetric obscurance, soft shadows or indirect light
+    /// from the G-buffer alone, or a bounce from a reflective shadow map on a hull.
+    #[arg(long, default_value = "ao", value_parser = ["ao", "gi", "vo", "shadow", "ssgi", "sg"])]
     effect: String,
+    /// Compute `vo`, `shadow` or `ssgi` at the resolution that each part of the picture needs, by a multi-resolution mask, and
+    /// say how far that is from all of it at full resolution.
+    #[arg(long)]
+    multires: bool,
     /// How to compute it: by the bounced z-buffer, which knows what hides what, or by splatting, which adds up.
     #[arg(long, default_value = "bounced", value_parser = ["bounced", "splat"])]
     method: String,
@@ -96,6 +102,11 @@ impl Options {
     fn gi(&self) -> bool {
         self.effect == "gi"
     }
+
+    /// Whether the picture has colours.
+    fn colors(&self) -> bool {
+        matches!(self.effect.as_str(), "gi" | "ssgi")
+    }
 }
 
 fn main() -> ExitCode {
@@ -127,9 +138,19 @@ fn run(options: &Options) -> Result<(), String> {
     if options.effect == "sg" {
         return hull::render(&gpu, options, &scene, &shot);
     }
-    let rendered = match options.method.as_str() {
+    let by_sub_images = multires::Effect::by_name(&options.effect);
+    if options.multires && by_sub_images.is_none() {
+        return Err("--multires is for --effect vo, shadow and ssgi".into());
+    }
+    // Of obscurance at full resolution the preset says how.
+    let by_sub_images = by_sub_images.filter(|_| options.multires || options.effect != "vo");
+    if options.reference.is_some() && by_sub_images.is_some() {
+        return Err("--reference has nothing to say of this effect".into());
+    }
+    let rendered = match (by_sub_images, options.method.as_str()) {
+        (Some(effect), _) => near::of_pixels(&gpu, options, &scene, &shot, effect)?,
         _ if options.effect == "vo" => near::obscurance(&gpu, options, &scene, &shot, radius)?,
-        "splat" => methods::splat(&gpu, options, &scene, &shot, radius)?,
+        (_, "splat") => methods::splat(&gpu, options, &scene, &shot, radius)?,
         _ => methods::bounced(&gpu, options, &scene, &shot, radius)?,
     };
 
@@ -179,7 +200,7 @@ fn write(
     };
     let (width, height) = (shot.width, shot.height);
     let png = path("png");
-    if options.gi() {
+    if options.colors() {
         files::write_exr_rgb(&path("exr"), width, height, pixels)?;
         files::write_png_rgb(&png, width, height, pixels, 2.0)?;
     } else {

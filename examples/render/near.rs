@@ -1,17 +1,24 @@
 //! Effects of the near field, which read the G-buffer alone.
 
 use deep_screen_space::{
-    CloudCapacity, DiskSamples, Error, ObscuranceInput, ObscuranceSampling, ObscuranceSettings,
-    ObscuranceVolume, SurfelCounts, VolumetricObscurance, VolumetricObscuranceDescriptor,
+    CloudCapacity, DiskSamples, Error, Light, ObscuranceInput, ObscuranceSampling,
+    ObscuranceSettings, ObscuranceVolume, SurfelCounts, VolumetricObscurance,
+    VolumetricObscuranceDescriptor,
+    glam::DVec3,
     scenes::Scene,
     wgpu::{self, TextureFormat, TextureUsages},
 };
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::{
     Options,
     methods::{Rendered, twice},
-    support::{gpu::Gpu, raster::Raster, scene::SceneBuffers},
+    support::{
+        gpu::Gpu,
+        multires::{Effect, Masked, Passes, Stage, read_image, rmse},
+        raster::Raster,
+        scene::SceneBuffers,
+    },
     view::Shot,
 };
 
@@ -30,7 +37,7 @@ pub fn obscurance(
     let buffers = SceneBuffers::new(gpu, scene);
     let raster = Raster::draw(gpu, &buffers, &camera);
     let samples = match options.preset.as_str() {
-        "fast" => DiskSamples::Five,
+        "fast" => DiskSamples::FiveAround,
         "accurate" => DiskSamples::Sixteen,
         _ => DiskSamples::Nine,
     };
@@ -64,8 +71,27 @@ pub fn obscurance(
     };
     let ms = twice(render, |ms| *ms)?;
     let image: Vec<f32> = gpu.read_texture(&target, 0);
-    Ok(Rendered {
-        pixels: image.iter().map(|&v| [v; 3]).collect(),
+    Ok(rendered(
+        image.iter().map(|&v| [v; 3]).collect(),
+        &buffers,
+        vec![("volumetric obscurance", ms)],
+        json!({
+            "lines": samples.table().len(),
+            "radius": settings.radius,
+            "max_pixels": settings.max_pixels,
+        }),
+    ))
+}
+
+/// Of what reads the G-buffer alone: there is no cloud.
+fn rendered(
+    pixels: Vec<[f32; 3]>,
+    buffers: &SceneBuffers,
+    passes: Vec<(&'static str, f64)>,
+    settings: Value,
+) -> Rendered {
+    Rendered {
+        pixels,
         triangles: buffers.triangles(),
         capacity: CloudCapacity {
             surfels: 0,
@@ -74,14 +100,89 @@ pub fn obscurance(
         },
         counts: SurfelCounts::default(),
         surfels_made: false,
-        passes: vec![("volumetric obscurance", ms)],
+        passes,
         memory_bytes: 0,
-        settings: json!({
-            "lines": samples.table().len(),
-            "radius": settings.radius,
-            "max_pixels": settings.max_pixels,
-        }),
-    })
+        settings,
+    }
+}
+
+/// An effect at full resolution, or with `--multires` by sub-images.
+pub fn of_pixels(
+    gpu: &Gpu,
+    options: &Options,
+    scene: &Scene,
+    shot: &Shot,
+    effect: Effect,
+) -> Result<Rendered, String> {
+    let error = |e: Error| e.to_string();
+    let camera = shot.camera()?;
+    let buffers = SceneBuffers::new(gpu, scene);
+    // Where there is no light, one beside the camera.
+    let light = shot.lights().first().copied().unwrap_or_else(|| {
+        let along = DVec3::from(shot.target) - DVec3::from(shot.eye);
+        let up = DVec3::from(shot.up);
+        let right = along.cross(up).normalize_or_zero();
+        Light::Point {
+            position: camera.eye() + 0.12 * along.length() * (right + up),
+            intensity: [1.0; 3],
+        }
+    });
+    let passes = Passes::new(&gpu.device).map_err(error)?;
+    let mut stage = Stage::of(gpu, &passes, scene, &buffers, &camera, light).map_err(error)?;
+    if let Some(radius) = options.radius {
+        stage.reach = radius;
+    }
+    let size = stage.size();
+    let what = (effect, effect.samples());
+    let full = gpu.storage(effect.format(), size[0], size[1]);
+    let of_all = || {
+        let (ms, done) = gpu.time(|encoder| passes.record(&stage, encoder, what, None, &full));
+        done.map(|()| ms)
+    };
+    let full_ms = twice(of_all, |ms| *ms)?;
+    let image = read_image(gpu, &full);
+    let samples = effect.samples();
+    let reach = stage.reach;
+    if !options.multires {
+        let settings = json!({ "samples": samples, "reach": reach });
+        return Ok(rendered(
+            image,
+            &buffers,
+            vec![(effect.name(), full_ms)],
+            settings,
+        ));
+    }
+    let mut masked = Masked::new(gpu, &passes, effect, effect.mask(), size).map_err(error)?;
+    let of_parts = || {
+        let (mask_ms, done) = gpu.time(|e| masked.record_masks(&passes, &stage, e));
+        done?;
+        let (images_ms, done) = gpu.time(|e| masked.record_images(&passes, &stage, e, samples));
+        done?;
+        let (blend_ms, done) = gpu.time(|e| masked.record_blend(&stage, e));
+        done?;
+        Ok(vec![
+            ("masks", mask_ms),
+            ("sub-images", images_ms),
+            ("blend", blend_ms),
+        ])
+    };
+    let times = twice(of_parts, |times| times.iter().map(|t| t.1).sum())?;
+    let computed: u32 = masked.counts(gpu).iter().sum();
+    let share = f64::from(computed) / f64::from(size[0] * size[1]);
+    let pixels = read_image(gpu, &masked.target);
+    let off = rmse(&image, &pixels);
+    println!(
+        "{:.1} % of the pixels computed; at full resolution {full_ms:.1} ms, RMSE {off:.4}",
+        100.0 * share
+    );
+    let settings = json!({
+        "samples": samples,
+        "reach": reach,
+        "computed_share": share,
+        "full_ms": full_ms,
+        "rmse": off,
+    });
+    Ok(rendered(pixels, &buffers, times, settings))
 }
 
 fn target(gpu: &Gpu, shot: &Shot) -> wgpu::Texture {

@@ -1,10 +1,12 @@
 //! Effects over a whole image, and over the sub-images of a multi-resolution mask: what the bench times and the example shows.
 
 use deep_screen_space::{
-    Camera, Channels, Error, Light, MultiResMask, MultiResMaskInput, MultiResMaskSettings,
-    MultiResReconstructor, MultiResReconstructorInput, MultiResReconstructorSettings, MultiResView,
-    ScreenSpaceGi, ScreenSpaceGiInput, ScreenSpaceGiSettings, ShadowMap, SoftShadows,
-    SoftShadowsInput, SoftShadowsSettings, SubImages, Viewport, WorkList,
+    BallSamples, Camera, Channels, Error, Light, MultiResMask, MultiResMaskInput,
+    MultiResMaskSettings, MultiResReconstructor, MultiResReconstructorInput,
+    MultiResReconstructorSettings, MultiResView, ObscuranceInput, ObscuranceSampling,
+    ObscuranceSettings, ObscuranceVolume, ScreenSpaceGi, ScreenSpaceGiInput, ScreenSpaceGiSettings,
+    ShadowMap, SoftShadows, SoftShadowsInput, SoftShadowsSettings, SubImages, Viewport,
+    VolumetricObscurance, VolumetricObscuranceDescriptor, WorkList,
     glam::{DMat4, DVec3},
     scenes::Scene,
     wgpu::{self, TextureFormat, TextureView},
@@ -20,6 +22,8 @@ use super::{
 /// What is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effect {
+    /// Volumetric obscurance by points.
+    Obscurance,
     /// Soft shadows of one light.
     Shadow,
     /// Screen-space indirect light.
@@ -27,10 +31,11 @@ pub enum Effect {
 }
 
 impl Effect {
-    pub const ALL: [Self; 2] = [Self::Shadow, Self::Indirect];
+    pub const ALL: [Self; 3] = [Self::Obscurance, Self::Shadow, Self::Indirect];
 
     pub fn name(self) -> &'static str {
         match self {
+            Self::Obscurance => "vo",
             Self::Shadow => "shadow",
             Self::Indirect => "ssgi",
         }
@@ -43,14 +48,21 @@ impl Effect {
     /// As many as the paper has.
     pub fn samples(self) -> u32 {
         match self {
+            Self::Obscurance => 64,
             Self::Shadow => 196,
             Self::Indirect => 288,
         }
     }
 
+    /// Whether it can take as many samples: obscurance has tables of a few numbers.
+    pub fn takes(self, samples: u32) -> bool {
+        self != Self::Obscurance || points(samples).is_some()
+    }
+
     /// The paper's levels for it.
     pub fn mask(self) -> MultiResMaskSettings {
         match self {
+            Self::Obscurance => MultiResMaskSettings::OCCLUSION,
             Self::Shadow => MultiResMaskSettings::SHADOW,
             Self::Indirect => MultiResMaskSettings::INDIRECT,
         }
@@ -58,7 +70,7 @@ impl Effect {
 
     pub fn channels(self) -> Channels {
         match self {
-            Self::Shadow => Channels::One,
+            Self::Obscurance | Self::Shadow => Channels::One,
             Self::Indirect => Channels::Three,
         }
     }
@@ -66,10 +78,16 @@ impl Effect {
     /// Format of what it writes.
     pub fn format(self) -> TextureFormat {
         match self {
-            Self::Shadow => TextureFormat::R32Float,
+            Self::Obscurance | Self::Shadow => TextureFormat::R32Float,
             Self::Indirect => TextureFormat::Rgba16Float,
         }
     }
+}
+
+/// The table of as many points, if there is one.
+fn points(samples: u32) -> Option<BallSamples> {
+    let fits = |table: &BallSamples| table.table().len() == samples as usize;
+    BallSamples::ALL.into_iter().find(fits)
 }
 
 /// Texels of a side of the shadow map's faces.
@@ -93,7 +111,7 @@ fn light(@builtin(global_invocation_id) id: vec3u) {
   let h = view.relative_from_clip * vec4f(ndc, at, 1.0);
   var radiance = vec3f(0.0);
   if at > 0.0 {
-    let to_light = normalize(view.light.xyz - h.xyz / h.w);
+    let to_light = normalize(view.light.xyz - view.light.w * h.xyz / h.w);
     let direct = max(dot(textureLoad(normal, id.xy, 0).xyz, to_light), 0.0) * textureLoad(visible, id.xy, 0).x;
     radiance = textureLoad(albedo, id.xy, 0).xyz * (0.9 * direct + 0.1);
   }
@@ -111,7 +129,7 @@ pub struct Stage<'g> {
     map: TextureView,
     pub lit: TextureView,
     /// How far the effects reach, world units.
-    reach: f32,
+    pub reach: f32,
 }
 
 impl<'g> Stage<'g> {
@@ -135,31 +153,57 @@ impl<'g> Stage<'g> {
             ),
             Viewport::full(width, height),
         )?;
-        let buffers = SceneBuffers::new(gpu, scene);
         let along = DVec3::from(view.target) - DVec3::from(view.eye);
         let right = along.cross(view.up.into()).normalize_or_zero();
         let position = camera.eye() + 0.12 * along.length() * (right + DVec3::from(view.up));
-        let cameras = cube(position, 0.05 * view.near.max(0.01))?;
-        let map = shadow::draw(gpu, &buffers, &cameras, MAP, TextureFormat::Depth32Float);
+        let light = Light::Point {
+            position,
+            intensity: [1.0; 3],
+        };
+        let buffers = SceneBuffers::new(gpu, scene);
+        Self::of(gpu, passes, scene, &buffers, &camera, light)
+    }
+
+    /// Any view of a scene, and any light, of which the place alone counts: `lit` takes it for white, and as bright everywhere.
+    pub fn of(
+        gpu: &'g Gpu,
+        passes: &Passes,
+        scene: &Scene,
+        buffers: &SceneBuffers,
+        camera: &Camera,
+        light: Light,
+    ) -> Result<Self, Error> {
+        let Viewport { width, height, .. } = camera.viewport();
+        let (low, high) = bounds(scene);
+        let radius = 0.5 * (high - low).length();
+        let cameras = match light {
+            Light::Point { position, .. } | Light::Spot { position, .. } => {
+                cube(position, 1e-4 * radius)?
+            }
+            Light::Directional { direction, .. } => vec![sun(low, high, direction)?],
+        };
+        let map = shadow::draw(gpu, buffers, &cameras, MAP, TextureFormat::Depth32Float);
         let mut stage = Self {
             gpu,
-            drawn: Raster::draw(gpu, &buffers, &camera),
-            camera,
-            light: Light::Point {
-                position,
-                intensity: [1.0; 3],
-            },
+            drawn: Raster::draw(gpu, buffers, camera),
+            camera: *camera,
+            light,
             cameras,
             map: shadow::view(&map),
             lit: gpu.storage(TextureFormat::Rgba16Float, width, height),
-            reach: scene.ao_radius,
+            // A file says nothing of what suits it.
+            reach: if scene.ao_radius.is_finite() {
+                scene.ao_radius
+            } else {
+                0.1 * radius as f32
+            },
         };
-        stage.illuminate(passes, position)?;
+        stage.illuminate(passes)?;
         Ok(stage)
     }
 
     /// Fills `lit`.
-    fn illuminate(&mut self, passes: &Passes, light: DVec3) -> Result<(), Error> {
+    fn illuminate(&mut self, passes: &Passes) -> Result<(), Error> {
         let gpu = self.gpu;
         let [width, height] = self.size();
         let visible = gpu.storage(TextureFormat::R32Float, width, height);
@@ -167,8 +211,13 @@ impl<'g> Stage<'g> {
         passes.record_hard_shadows(self, &mut encoder, &visible)?;
         let clip = self.camera.projection() * DMat4::from_mat3(self.camera.rotation());
         let mut uniform = clip.inverse().as_mat4().to_cols_array().to_vec();
-        let relative = light - self.camera.eye();
-        uniform.extend(relative.as_vec3().extend(0.0).to_array());
+        let light = match self.light {
+            Light::Point { position, .. } | Light::Spot { position, .. } => {
+                (position - self.camera.eye()).as_vec3().extend(1.0)
+            }
+            Light::Directional { direction, .. } => -direction.as_vec3().extend(0.0),
+        };
+        uniform.extend(light.to_array());
         let uniform = gpu.buffer(&uniform, wgpu::BufferUsages::UNIFORM);
         let device = &gpu.device;
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -270,9 +319,35 @@ fn cube(eye: DVec3, near: f64) -> Result<Vec<Camera>, Error> {
         .collect()
 }
 
+/// The corners of a scene's box.
+fn bounds(scene: &Scene) -> (DVec3, DVec3) {
+    let points = scene.positions.iter();
+    points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| {
+        let p = DVec3::from(p.map(f64::from));
+        (low.min(p), high.max(p))
+    })
+}
+
+/// One face over a whole box, along the sun's rays.
+fn sun(low: DVec3, high: DVec3, direction: DVec3) -> Result<Camera, Error> {
+    let direction = direction.normalize();
+    let radius = 0.5 * (high - low).length();
+    // Depth 1 at the near plane and 0 at the far one.
+    let (near, far) = (0.5 * radius, 4.0 * radius);
+    let scale = 1.0 / (far - near);
+    let mut projection = DMat4::from_scale(DVec3::new(1.0 / radius, 1.0 / radius, scale));
+    projection.w_axis.z = far * scale;
+    let target = 0.5 * (low + high);
+    let up = direction.any_orthogonal_vector();
+    let eye = target - 2.0 * radius * direction;
+    Camera::look_at(eye, target, up, projection, Viewport::full(MAP, MAP))
+}
+
 /// The pipelines of all effects, and of the masks.
 pub struct Passes {
     mask: MultiResMask,
+    /// One for each table.
+    obscurance: Vec<(BallSamples, VolumetricObscurance)>,
     shadows: SoftShadows,
     indirect: ScreenSpaceGi,
 }
@@ -281,6 +356,17 @@ impl Passes {
     pub fn new(device: &wgpu::Device) -> Result<Self, Error> {
         Ok(Self {
             mask: MultiResMask::new(device, None)?,
+            obscurance: BallSamples::ALL
+                .into_iter()
+                .map(|table| {
+                    let descriptor = VolumetricObscuranceDescriptor {
+                        sampling: ObscuranceSampling::Points(table),
+                        volume: ObscuranceVolume::Hemisphere,
+                        cache: None,
+                    };
+                    Ok((table, VolumetricObscurance::new(device, &descriptor)?))
+                })
+                .collect::<Result<_, Error>>()?,
             shadows: SoftShadows::new(device, None)?,
             indirect: ScreenSpaceGi::new(device, None)?,
         })
@@ -297,9 +383,39 @@ impl Passes {
     ) -> Result<(), Error> {
         let device = &stage.gpu.device;
         match effect {
+            Effect::Obscurance => {
+                let find = |(table, _): &&(BallSamples, _)| points(samples) == Some(*table);
+                let Some((_, pass)) = self.obscurance.iter().find(find) else {
+                    return Err(Error::Setting {
+                        field: "samples",
+                        value: samples.into(),
+                        accepted: "6, 12, 33 or 64",
+                    });
+                };
+                let gbuffer = stage.drawn.gbuffer();
+                let input = ObscuranceInput {
+                    depth: gbuffer.depth,
+                    normals: Some(gbuffer.normals()),
+                    camera: &stage.camera,
+                    moments: None,
+                    work: work.as_ref(),
+                    target,
+                    timestamps: None,
+                };
+                let settings = ObscuranceSettings {
+                    radius: 0.25 * stage.reach,
+                    turn: false,
+                    ..Default::default()
+                };
+                pass.record(device, encoder, &input, &settings)
+            }
             Effect::Shadow => {
                 let settings = SoftShadowsSettings {
-                    extent: 0.1 * stage.reach,
+                    extent: match stage.light {
+                        // Ten times as wide as the sun.
+                        Light::Directional { .. } => 0.05,
+                        _ => 0.1 * stage.reach,
+                    },
                     max_penumbra: 0.25 * stage.reach,
                     samples,
                     ..Default::default()

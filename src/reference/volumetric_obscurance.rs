@@ -10,8 +10,10 @@ use super::{
     trace::{Receiver, Tracer},
 };
 use crate::{
-    Camera, Combine, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume, gbuffer::depth_step,
-    receivers::DEPTH_RELATIVE, volumetric_obscurance::params::entries,
+    Camera, Combine, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume,
+    gbuffer::depth_step,
+    receivers::DEPTH_RELATIVE,
+    volumetric_obscurance::params::{entries, turns_uphill},
 };
 
 /// A depth buffer, with normals or without, and how it is encoded.
@@ -73,8 +75,7 @@ fn random_direction(bits: u32) -> DVec2 {
 }
 
 /// What a pixel's samples are reflected about.
-fn random_mirror([x, y]: [u32; 2], seed: u32, points: bool) -> DVec3 {
-    let bits = hash2(x | (y << 16), seed);
+fn random_mirror(bits: u32, points: bool) -> DVec3 {
     let direction = random_direction(bits);
     if points {
         let z = 2.0 * unit_float(hash(bits)) - 1.0;
@@ -214,12 +215,18 @@ impl DepthBuffer<'_> {
             return 1.0;
         };
         let points = matches!(sampling, ObscuranceSampling::Points(_));
-        let mirror = random_mirror(pixel, settings.seed, points);
+        let place = if settings.turn {
+            pixel[0] | (pixel[1] << 16)
+        } else {
+            0
+        };
+        let bits = hash2(place, settings.seed);
+        let random = (random_mirror(bits, points), unit_float(hash(bits)));
         combined(settings, |radius| {
             let Some(ball) = Ball::new(&point, volume, f64::from(radius), settings) else {
                 return 1.0;
             };
-            let open = self.sampled(&point, &ball, mirror, sampling, volume, settings, pyramid);
+            let open = self.sampled(&point, &ball, random, sampling, volume, settings, pyramid);
             scaled(open, volume)
         })
     }
@@ -229,7 +236,7 @@ impl DepthBuffer<'_> {
         &self,
         point: &Point,
         ball: &Ball,
-        mirror: DVec3,
+        (mirror, draw): (DVec3, f64),
         sampling: ObscuranceSampling,
         volume: ObscuranceVolume,
         settings: &ObscuranceSettings,
@@ -246,6 +253,7 @@ impl DepthBuffer<'_> {
         let scale = ball.radius;
         let thickness = (f64::from(settings.thickness) / scale).min(4e6);
         let uncertainty = point.uncertainty / scale;
+        let uphill = turns_uphill(sampling, volume);
         let (mut matter, mut total) = (0.0, 0.0);
         for entry in entries(sampling) {
             let [x, y, third, share] = entry.map(f64::from);
@@ -266,7 +274,11 @@ impl DepthBuffer<'_> {
             }
             let sample = DVec2::new(x, y);
             let mirror = mirror.truncate();
-            let p = 2.0 * sample.dot(mirror) * mirror - sample;
+            let mut p = 2.0 * sample.dot(mirror) * mirror - sample;
+            let rise = (frame * p.extend(0.0)).dot(n) / facing;
+            if uphill && third + rise < 2.0 * third * draw {
+                p = -p;
+            }
             let across = frame * p.extend(0.0);
             let at = ball.center + scale * across;
             let (seen, half_chord) = match sampling {
@@ -287,7 +299,12 @@ impl DepthBuffer<'_> {
                 let plane = on_disk + (height - over / facing - on_disk) * seen.covered;
                 low = plane.clamp(low, half_chord);
             }
-            let share = share * seen.inside / (2.0 * half_chord);
+            let whole = if uphill {
+                (half_chord - low).max(1e-6)
+            } else {
+                2.0 * half_chord
+            };
+            let share = share * seen.inside / whole;
             total += share * (half_chord - low);
             if seen.covered > 0.0 {
                 let front = height - uncertainty;

@@ -231,7 +231,7 @@ impl VolumetricObscurance {
         let params = uniform(
             device,
             LABEL,
-            &ObscuranceParams::new(settings, self.sampling, input, level),
+            &ObscuranceParams::new(settings, self.sampling, self.volume, input, level),
         );
         let mut resources = vec![
             (0, whole(&params)),

@@ -4,8 +4,8 @@ use bytemuck::{Pod, Zeroable};
 
 use super::{
     ObscuranceInput,
-    samples::MOST,
-    settings::{Combine, ObscuranceSampling, ObscuranceSettings},
+    samples::{DiskSamples, MOST},
+    settings::{Combine, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume},
 };
 use crate::{
     camera::CameraParams,
@@ -36,7 +36,9 @@ pub struct ObscuranceParams {
     pub(crate) seed: u32,
     pub(crate) box_half_width: f32,
     pub(crate) count: u32,
-    pub(crate) padding: [u32; 3],
+    pub(crate) turn: u32,
+    pub(crate) uphill: u32,
+    pub(crate) padding: u32,
     pub(crate) moment_levels: [MomentLevel; LEVELS as usize],
     pub(crate) samples: [[f32; 4]; MOST],
 }
@@ -45,6 +47,7 @@ impl ObscuranceParams {
     pub fn new(
         settings: &ObscuranceSettings,
         sampling: ObscuranceSampling,
+        volume: ObscuranceVolume,
         input: &ObscuranceInput<'_>,
         level: u32,
     ) -> Self {
@@ -71,11 +74,20 @@ impl ObscuranceParams {
             seed: settings.seed,
             box_half_width: settings.box_half_width,
             count: samples.len() as u32,
-            padding: [0; 3],
+            turn: u32::from(settings.turn),
+            uphill: u32::from(turns_uphill(sampling, volume)),
+            padding: 0,
             moment_levels: levels([viewport.width, viewport.height]),
             samples: table,
         }
     }
+}
+
+/// Whether lines are turned to the side where the half sphere is. That takes a table of which no two samples are opposite,
+/// since these would fall on one place, and pays where there are few: measured by the bench `obscurance`.
+pub(crate) fn turns_uphill(sampling: ObscuranceSampling, volume: ObscuranceVolume) -> bool {
+    let lines = ObscuranceSampling::Lines(DiskSamples::FiveAround);
+    sampling == lines && volume == ObscuranceVolume::Hemisphere
 }
 
 /// A table as the shader reads it.

@@ -13,9 +13,11 @@ pub enum ObscuranceSampling {
     Lines(DiskSamples),
     /// The same chords against the mean and variance of the depth over the sample's share of the disk (4.2). Needs
     /// [`DepthMoments`](crate::DepthMoments). Smoother, darker about edges that the areas run over, and several times as
-    /// slow as lines.
+    /// slow as lines. Meant for [`ObscuranceVolume::Sphere`] alone: over half spheres a slope's own variance reaches above
+    /// its plane and shades it.
     Areas(DiskSamples),
-    /// One area for the whole disk: darkens creases without any noise.
+    /// One area for the whole disk: darkens creases without any noise. As [`Areas`](Self::Areas), for
+    /// [`ObscuranceVolume::Sphere`] alone.
     OneArea,
 }
 
@@ -23,7 +25,9 @@ pub enum ObscuranceSampling {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub enum ObscuranceVolume {
     /// The sphere about the point, from the depth buffer alone. Half of it is matter where a surface is flat, which counts as
-    /// open: the output is twice the open share, 1 at most.
+    /// open: the output is twice the open share, 1 at most. On slopes near the picture's edge that balance fails, since chords
+    /// beyond the edge are dropped: what is left reads too dark or too open by up to the share dropped, and the other volumes
+    /// read right.
     Sphere,
     /// Its half above the plane that the normal tells (4.4).
     #[default]
@@ -71,6 +75,9 @@ pub struct ObscuranceSettings {
     /// Half the width of the box that stands for the depths of an area, in their standard deviations, above 0…4: √3, the
     /// default, gives the box their variance; 1 is what 4.2 prints. Areas alone read it.
     pub box_half_width: f32,
+    /// Whether each pixel's samples are reflected about a direction of its own: the bands that few samples make become noise,
+    /// for a filter. Sub-images are blended better without. Default true.
+    pub turn: bool,
     /// Of the direction about which each pixel's samples are reflected. Another one each frame suits a
     /// mean over frames. Default 0.
     pub seed: u32,
@@ -84,6 +91,7 @@ impl Default for ObscuranceSettings {
             max_pixels: 128.0,
             thickness: f32::INFINITY,
             box_half_width: 1.732_050_8,
+            turn: true,
             seed: 0,
         }
     }
