@@ -328,9 +328,16 @@ fn vertices_and_pixels_are_those_of_the_mirror() {
                     shared += 1;
                     let corner_of = |(slot, corner): (u32, u32)| {
                         let rect = recorded.segments[slot as usize].rect;
-                        [rect[(2 * (corner & 1)) as usize], rect[(1 + (corner & 2)) as usize]]
+                        [
+                            rect[(2 * (corner & 1)) as usize],
+                            rect[(1 + (corner & 2)) as usize],
+                        ]
                     };
-                    assert_eq!(corner_of(owner), corner_of((slot, corner)), "{name}: {slot}");
+                    assert_eq!(
+                        corner_of(owner),
+                        corner_of((slot, corner)),
+                        "{name}: {slot}"
+                    );
                     let [a, b] = [(slot, corner), owner].map(|(slot, corner)| {
                         let (position, normal) = place(slot, corner);
                         Receiver { position, normal }
@@ -379,7 +386,10 @@ fn vertices_and_pixels_are_those_of_the_mirror() {
             }
         }
         // Most of a flat wall's are.
-        assert!(name != "cornell" || 2 * shared > vertices, "{shared} of {vertices}");
+        assert!(
+            name != "cornell" || 2 * shared > vertices,
+            "{shared} of {vertices}"
+        );
         println!(
             "{name}: {shared} shared, {off_vertices} of {vertices} vertices and {off_pixels} of {} pixels are off",
             recorded.pixels.len()
@@ -611,8 +621,7 @@ fn picture_is_close_to_the_truth() {
     let buffers = SceneBuffers::new(&gpu, &scene);
     let raster = Raster::draw(&gpu, &buffers, &camera);
     let size = SgHullSize::new(256, 256);
-    let mut renderer = HullRenderer::new(&gpu, size, Components::default()).expect("it fits");
-    renderer.settings.quad = 4;
+    let renderer = HullRenderer::new(&gpu, size, Components::default()).expect("it fits");
     let lights = renderer
         .lights(&gpu, &buffers, &Lamp::of(&scene), camera.eye())
         .expect("lights");

@@ -23,6 +23,9 @@ const LANES: u32 = 8u;
 
 var<workgroup> parts: array<Lobes, 64>;
 
+// Pixels across below which a segment is a sliver.
+const NARROW: u32 = 4u;
+
 struct Place {
   // Relative to the camera's eye.
   position: vec3f,
@@ -41,17 +44,16 @@ fn pixel_at(number: u32) -> vec2u {
   return vec2u(number % params.camera.viewport.z, number / params.camera.viewport.z);
 }
 
-// Where a vertex lies. A corner whose pixel is the segment's own is there. Any other lies on the segment's plane, within
-// the range of its depth: the paper takes the middle of that range, which no plane that is seen obliquely goes through.
+// Where a vertex lies: where the ray through the corner meets the plane of the corner's pixel if that is the segment's own,
+// and the segment's plane otherwise, within the range of its depth. The paper takes the middle of that range, which no
+// plane that is seen obliquely goes through; and a pixel's own point is half a pixel off, which neighbours cannot share. Of a
+// sliver, often a ledge seen edge-on, half a pixel on is elsewhere: there it is the pixel's own.
 fn place(segment: Segment, id: u32, corner: u32) -> Place {
   let width = params.camera.viewport.z;
   let edge = vec2u(select(segment.rect.x, segment.rect.z, (corner & 1u) != 0u),
     select(segment.rect.y, segment.rect.w, (corner & 2u) != 0u));
   let pixel = vec2u(select(edge.x, edge.x - 1u, (corner & 1u) != 0u), select(edge.y, edge.y - 1u, (corner & 2u) != 0u));
-  if segment_of[pixel.y * width + pixel.x] == id {
-    let texel = textureLoad(receivers, pixel, 0);
-    return Place(relative(params, texel), unpack_normal(texel.w), true);
-  }
+  let own = segment_of[pixel.y * width + pixel.x] == id;
   // The ray through the corner, as a function of the depth along the axis.
   let ndc = vec2f(edge) / vec2f(params.camera.viewport.zw) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
   let far_point = params.camera.unproject * vec4f(ndc, 0.0, 1.0);
@@ -64,14 +66,27 @@ fn place(segment: Segment, id: u32, corner: u32) -> Place {
     let p = far_point.xyz / far_point.w;
     base = p - direction * dot(direction, p);
   }
-  let normal = unpack_normal(segment.normal);
-  let anchor = textureLoad(receivers, pixel_at(segment.anchor), 0);
+  let texel = textureLoad(receivers, select(pixel_at(segment.anchor), pixel, own), 0);
+  let normal = unpack_normal(select(segment.normal, texel.w, own));
+  let narrow = min(segment.rect.z - segment.rect.x, segment.rect.w - segment.rect.y);
+  if own && narrow < NARROW {
+    return Place(relative(params, texel), normal, true);
+  }
   let toward = dot(normal, direction);
   var depth = 0.5 * (segment.nearest + segment.farthest);
   if abs(toward) > 1e-6 * length(direction) {
-    depth = dot(normal, relative(params, anchor) - base) / toward;
+    depth = dot(normal, relative(params, texel) - base) / toward;
   }
-  return Place(base + direction * clamp(depth, segment.nearest, segment.farthest), normal, false);
+  var least = segment.nearest;
+  var most = segment.farthest;
+  if own {
+    // Half a pixel along a plane changes the depth by no more than this.
+    let half_pixel = 0.5 * (most - least) / f32(narrow);
+    let middle = dot(params.along, relative(params, texel));
+    least = middle - min(half_pixel, 0.5 * abs(middle));
+    most = middle + half_pixel;
+  }
+  return Place(base + direction * clamp(depth, least, most), normal, own);
 }
 
 // Light that is not finite is none.
