@@ -6,7 +6,10 @@ mod shot;
 #[path = "../examples/support/mod.rs"]
 mod support;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::LazyLock,
+};
 
 use deep_screen_space::{
     Camera, Components, Error, Gatherer, HullSegment, HullVertex, Light, PolygonLight, SgHull,
@@ -47,6 +50,24 @@ fn hull(gpu: &Gpu, gatherer: &Gatherer, components: Components) -> SgHull {
     };
     SgHull::new(&gpu.device, &descriptor).expect("pipelines")
 }
+
+/// What most tests need: drivers compile for seconds.
+struct Lab {
+    gpu: Gpu,
+    gatherer: Gatherer,
+    hull: SgHull,
+}
+
+static LAB: LazyLock<Lab> = LazyLock::new(|| {
+    let gpu = gpu();
+    let gatherer = Gatherer::lights(&gpu.device);
+    let hull = hull(&gpu, &gatherer, Components::UnionFind);
+    Lab {
+        gpu,
+        gatherer,
+        hull,
+    }
+});
 
 /// All that a recording left.
 struct Recorded {
@@ -286,19 +307,21 @@ fn segments_are_components() {
 
 #[test]
 fn vertices_and_pixels_are_those_of_the_mirror() {
-    let gpu = gpu();
-    let gatherer = Gatherer::lights(&gpu.device);
-    let hull_pass = hull(&gpu, &gatherer, Components::UnionFind);
+    let Lab {
+        gpu,
+        gatherer,
+        hull,
+    } = &*LAB;
     let settings = SgHullSettings::default();
     for (name, lights) in [("cornell", lamps()), ("fence", lamps()[2..].to_vec())] {
         let scene = scenes::by_name(name).expect("a scene");
-        let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, [96, 64]));
+        let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, [96, 64]));
         let eye = shot.camera.eye();
         let gather = gatherer
             .bind_lights(&gpu.device, &lights, eye)
             .expect("lights");
         let size = SgHullSize::new(96, 64);
-        let recorded = record(&gpu, &hull_pass, &shot, &gather, &settings, size);
+        let recorded = record(gpu, hull, &shot, &gather, &settings, size);
         let receivers = shot.receivers(eye);
         let mirror = Hull {
             camera: &shot.camera,
@@ -402,9 +425,11 @@ fn vertices_and_pixels_are_those_of_the_mirror() {
 
 #[test]
 fn every_pixel_is_covered() {
-    let gpu = gpu();
-    let gatherer = Gatherer::lights(&gpu.device);
-    let hull = hull(&gpu, &gatherer, Components::UnionFind);
+    let Lab {
+        gpu,
+        gatherer,
+        hull,
+    } = &*LAB;
     let settings = SgHullSettings::default();
     let half = 4.0;
     let (near, far) = (1.0, 40.0);
@@ -464,7 +489,7 @@ fn every_pixel_is_covered() {
                     viewport,
                 )
                 .expect("a camera");
-                let shot = Shot::new(&gpu, &scene, &camera);
+                let shot = Shot::new(gpu, &scene, &camera);
                 let gather = gatherer
                     .bind_lights(&gpu.device, &lamps(), camera.eye())
                     .expect("lights");
@@ -473,7 +498,7 @@ fn every_pixel_is_covered() {
                     segments,
                     ..SgHullSize::new(viewport.width, viewport.height)
                 };
-                let recorded = record(&gpu, &hull, &shot, &gather, &settings, size);
+                let recorded = record(gpu, hull, &shot, &gather, &settings, size);
                 let inputs = format!("{scene_name}, {name}, {viewport:?}, {size:?}");
                 check_covered(&recorded, &shot, &inputs);
                 fallbacks += recorded.counts.fallbacks;
@@ -486,11 +511,13 @@ fn every_pixel_is_covered() {
 /// A pixel in two is something else: segments of one pixel, in a picture finer than the grid as well.
 #[test]
 fn foliage_is_covered() {
-    let gpu = gpu();
-    let gatherer = Gatherer::lights(&gpu.device);
-    let hull = hull(&gpu, &gatherer, Components::UnionFind);
+    let Lab {
+        gpu,
+        gatherer,
+        hull,
+    } = &*LAB;
     let scene = scenes::cornell();
-    let mut shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, [72, 72]));
+    let mut shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, [72, 72]));
     let hash = |i: u32| deep_screen_space::reference::hashing::hash(i);
     // Reversed depth: any value above 0 is somewhere.
     let depth: Vec<f32> = (0..72 * 72)
@@ -508,7 +535,7 @@ fn foliage_is_covered() {
             _ => [0.0, 0.1, 1.0, 0.0],
         })
         .collect();
-    shot.upload(&gpu, &depth, &normal);
+    shot.upload(gpu, &depth, &normal);
     let gather = gatherer
         .bind_lights(&gpu.device, &lamps(), shot.camera.eye())
         .expect("lights");
@@ -518,14 +545,7 @@ fn foliage_is_covered() {
             segments,
             ..SgHullSize::new(72, 72)
         };
-        let recorded = record(
-            &gpu,
-            &hull,
-            &shot,
-            &gather,
-            &SgHullSettings::default(),
-            size,
-        );
+        let recorded = record(gpu, hull, &shot, &gather, &SgHullSettings::default(), size);
         println!("grid {grid}, room {segments}: {:?}", recorded.counts);
         let untouched = recorded.pixels.iter().filter(|p| p[3] != 1.0).count();
         assert_eq!(untouched, 0, "grid {grid}, room {segments}");
@@ -536,11 +556,13 @@ fn foliage_is_covered() {
 
 #[test]
 fn extreme_lights() {
-    let gpu = gpu();
-    let gatherer = Gatherer::lights(&gpu.device);
-    let hull = hull(&gpu, &gatherer, Components::UnionFind);
+    let Lab {
+        gpu,
+        gatherer,
+        hull,
+    } = &*LAB;
     let scene = scenes::cornell();
-    let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, [64, 64]));
+    let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, [64, 64]));
     let receivers = shot.receivers(shot.camera.eye());
     let on_surface = receivers
         .iter()
@@ -580,7 +602,7 @@ fn extreme_lights() {
             .expect("lights");
         let settings = SgHullSettings::default();
         let size = SgHullSize::new(64, 64);
-        let recorded = record(&gpu, &hull, &shot, &gather, &settings, size);
+        let recorded = record(gpu, hull, &shot, &gather, &settings, size);
         check_covered(&recorded, &shot, name);
         // Directional light is the same everywhere, and one lobe holds one light: the picture is exact.
         if let [
