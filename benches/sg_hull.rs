@@ -2,7 +2,7 @@
 //!
 //! `cargo bench --bench sg_hull [-- WIDTHxHEIGHT …] [--scene NAME …]` prints a table and writes
 //! `target/bench/sg_hull.json`: rows of scene, width, height, `per_pixel_ms`, `hull_ms`, speedup, `rel_rmse`, energy,
-//! `ratio_p9999`, vertices, uncovered. Without sizes those of the paper are taken, 1280x720 to 3840x2400; a software
+//! `ratio_p9999`, `ssim`, vertices, gathered, uncovered, `fallback_pixels`. Without sizes those of the paper are taken, 1280x720 to 3840x2400; a software
 //! driver needs minutes for the largest.
 
 #[path = "../examples/support/mod.rs"]
@@ -11,7 +11,7 @@ mod support;
 use std::{hint::black_box, path::Path, time::Instant};
 
 use deep_screen_space::{
-    Camera, Components, SgHullSize, Viewport, glam::DVec3, scenes,
+    Camera, Components, HullVertex, SgHullSize, Viewport, glam::DVec3, scenes,
     spherical_gaussian::SphericalGaussian,
 };
 use support::{
@@ -38,7 +38,7 @@ fn main() {
     let gpu = Gpu::open(Ask::from_env()).expect("a graphics adapter");
     println!("{}", gpu.name());
     println!(
-        "{:12} {:>5} {:>5} {:>12} {:>8} {:>7} {:>5} {:>8} {:>7} {:>6} {:>8} {:>9}",
+        "{:12} {:>5} {:>5} {:>12} {:>8} {:>7} {:>5} {:>8} {:>7} {:>6} {:>7} {:>8} {:>8} {:>9} {:>8}",
         "scene",
         "width",
         "height",
@@ -49,8 +49,11 @@ fn main() {
         "rel_rmse",
         "energy",
         "ratio",
+        "ssim",
         "vertices",
-        "uncovered"
+        "gathered",
+        "uncovered",
+        "fallback"
     );
     let mut rows = Vec::new();
     for size in &sizes {
@@ -145,20 +148,26 @@ fn measure(gpu: &Gpu, name: &str, [width, height]: [u32; 2]) -> serde_json::Valu
     // Pixels that no quad wrote kept the truth of the run before, which has 1 in alpha too: count by assignment.
     let segment_of: Vec<u32> = gpu.read_buffer(renderer.view.segment_of());
     let uncovered = segment_of.iter().filter(|s| **s == 0xffff_fffe).count();
-    let off = difference(&found, &truth);
+    // Vertices beyond those in use are older.
+    let vertices: Vec<HullVertex> = gpu.read_buffer(renderer.view.vertices());
+    let used = vertices.iter().take(counts.vertices() as usize);
+    let gathered = used.zip(0..).filter(|(v, i)| v.owner == *i).count();
+    let off = difference(&found, &truth, width);
     let bar = SIZES
         .iter()
         .find(|(size, _)| *size == [width, height])
         .map(|(_, bar)| *bar);
     let speedup = exact_ms / hull_ms;
     println!(
-        "{name:12} {width:5} {height:5} {exact_ms:12.1} {hull_ms:8.1} {speedup:7.1} {:>5} {:8.4} {:+7.4} {:6.2} {:8} \
-         {uncovered:9}",
+        "{name:12} {width:5} {height:5} {exact_ms:12.1} {hull_ms:8.1} {speedup:7.1} {:>5} {:8.4} {:+7.4} {:6.2} {:7.4} \
+         {:8} {gathered:8} {uncovered:9} {:8}",
         bar.map_or(String::from("-"), |b| b.to_string()),
         off.rmse,
         off.energy,
         off.ratio,
+        off.ssim,
         counts.vertices(),
+        counts.fallback_pixels,
     );
     serde_json::json!({
         "scene": name,
@@ -171,7 +180,9 @@ fn measure(gpu: &Gpu, name: &str, [width, height]: [u32; 2]) -> serde_json::Valu
         "rel_rmse": off.rmse,
         "energy": off.energy,
         "ratio_p9999": off.ratio,
+        "ssim": off.ssim,
         "vertices": counts.vertices(),
+        "gathered": gathered,
         "uncovered": uncovered,
         "fallback_pixels": counts.fallback_pixels,
     })

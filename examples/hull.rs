@@ -59,7 +59,7 @@ fn main() -> Result<(), String> {
             .map_err(error)?;
     }
     let counts = renderer.counts(&gpu);
-    let off = difference(&found, &truth);
+    let off = difference(&found, &truth, size.width);
     println!(
         "{name} {width}x{height} on {}: {:.1} ms, at every pixel {:.1} ms; {} vertices, {} pixels of last resort; RMSE \
          {:.2} %, energy {:+.2} %, 99.99th percentile of the ratio {:.2}",

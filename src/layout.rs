@@ -250,7 +250,7 @@ fn structs_match_the_shaders() {
     let hull = fields!(SgHullParams: camera, along, capacity, grid, tiles, step, plane_distance, gap, normal_cosine, quad);
     let segment = fields!(HullSegment: rect, nearest, farthest, anchor, normal);
     let counts = fields!(SgHullCounts: segments, fallbacks, fallback_pixels, draw, dispatch);
-    let vertex = fields!(HullVertex: position, depth, red, green, blue, excess);
+    let vertex = fields!(HullVertex: position, depth, red, green, blue, excess, owner);
     for stage in ["sg_hull_gather", "sg_hull albedo"] {
         check(&ao, stage, "HullVertex", &vertex, size_of::<HullVertex>());
     }

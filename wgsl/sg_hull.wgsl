@@ -40,7 +40,8 @@ fn corner(@builtin(vertex_index) corner: u32, @builtin(instance_index) i: u32) -
   let vertex = vertices[i * 4u + corner];
   // Only its ratio to the other corners' counts.
   let w = select(1.0, clamp(vertex.depth / max(segment.farthest, 1e-30), 1e-6, 1.0), params.camera.perspective != 0u);
-  return Corner(vec4f(ndc * w, 0.5 * w, w), slot, vertex.red, vertex.green, vertex.blue, vertex.excess);
+  let light = vertices[vertex.owner];
+  return Corner(vec4f(ndc * w, 0.5 * w, w), slot, light.red, light.green, light.blue, light.excess);
 }
 
 fn pixel_of(fragment: vec4f) -> vec2u {

@@ -74,24 +74,6 @@ fn load(pixel: vec2u) -> vec4u {
   return textureLoad(receivers, pixel, 0);
 }
 
-fn relative(texel: vec4u) -> vec3f {
-  return receiver_position(texel) - params.camera.eye;
-}
-
-// Whether two pixels are one surface: alike in normal, each close to the other's tangent plane, and no gap between them.
-// Oblique planes are one whatever the step in depth from pixel to pixel, which is what a threshold on depth alone splits.
-fn similar(a: vec4u, b: vec4u) -> bool {
-  let p = relative(a);
-  let q = relative(b);
-  let d = q - p;
-  let n = unpack_normal(a.w);
-  let m = unpack_normal(b.w);
-  let extent = min(view_width(params, p), view_width(params, q));
-  return dot(n, m) >= params.normal_cosine
-    && max(abs(dot(n, d)), abs(dot(m, d))) <= params.plane_distance * extent
-    && abs(dot(params.along, d)) <= params.gap * extent;
-}
-
 fn texel_at(tile: vec2u, t: u32) -> vec2u {
   return tile * TILE + vec2u(t % TILE, t / TILE);
 }
@@ -199,7 +181,7 @@ fn slot_beside(tile: vec2u, t: u32, pixel: vec4u, rooms: u32) -> u32 {
     }
     let other = u32(row) * TILE + u32(column);
     let slot = slot_of(other);
-    if slot < rooms && similar(pixel, load(pick_of(tile, other))) {
+    if slot < rooms && similar(params, pixel, load(pick_of(tile, other))) {
       return slot;
     }
   }
@@ -251,7 +233,7 @@ fn segment(@builtin(workgroup_id) tile_id: vec3u, @builtin(local_invocation_inde
             continue;
           }
           count++;
-          let here = dot(params.along, relative(texel_here));
+          let here = dot(params.along, relative(params, texel_here));
           if pick == 0u || here < depth {
             pick = PICKED | (x - low.x) | ((y - low.y) << 8u);
             depth = here;
@@ -282,10 +264,10 @@ fn segment(@builtin(workgroup_id) tile_id: vec3u, @builtin(local_invocation_inde
       let here = load(pick_of(tile, t));
       // Segments end where quads do.
       let ends = vec2u(t % TILE, t / TILE) % params.quad == vec2u(params.quad - 1u);
-      if !ends.x && is_picked(t + 1u) && similar(here, load(pick_of(tile, t + 1u))) {
+      if !ends.x && is_picked(t + 1u) && similar(params, here, load(pick_of(tile, t + 1u))) {
         links[k] = RIGHT;
       }
-      if !ends.y && is_picked(t + TILE) && similar(here, load(pick_of(tile, t + TILE))) {
+      if !ends.y && is_picked(t + TILE) && similar(params, here, load(pick_of(tile, t + TILE))) {
         links[k] |= BELOW;
       }
     }
@@ -403,10 +385,10 @@ fn segment(@builtin(workgroup_id) tile_id: vec3u, @builtin(local_invocation_inde
             continue;
           }
           let here = load(vec2u(x, y));
-          if last || all(vec2u(x, y) == pick) || similar(here, picked_texel) {
+          if last || all(vec2u(x, y) == pick) || similar(params, here, picked_texel) {
             segment_of[pixel] = first_slot + own;
             count++;
-            let depth = dot(params.along, relative(here));
+            let depth = dot(params.along, relative(params, here));
             box_low = min(box_low, vec2u(x, y));
             box_high = max(box_high, vec2u(x, y) + 1u);
             nearest = min(nearest, depth);
@@ -450,7 +432,7 @@ fn segment(@builtin(workgroup_id) tile_id: vec3u, @builtin(local_invocation_inde
             let slot = slot_beside(tile, t, here, rooms);
             if slot != NONE {
               segment_of[pixel] = first_slot + slot;
-              let depth = dot(params.along, relative(here));
+              let depth = dot(params.along, relative(params, here));
               add_to_box(slot, vec2u(x, y), vec2u(x, y) + 1u, depth, depth);
               atomicSub(&unassigned, 1u);
             }

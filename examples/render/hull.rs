@@ -90,13 +90,14 @@ pub fn render(gpu: &Gpu, options: &Options, scene: &Scene, shot: &Shot) -> Resul
             .render_exact(gpu, &raster, &camera, &lights)
             .map_err(error)?;
         write(options, shot, &truth, "_reference")?;
-        let off = difference(&pixels, &truth);
+        let off = difference(&pixels, &truth, shot.width);
         println!(
             "against every pixel ({ms:.1} ms): RMSE {:.2} % of the mean, energy {:+.2} %, 99.99th percentile of the ratio \
-             {:.2}",
+             {:.2}, SSIM {:.4}",
             100.0 * off.rmse,
             100.0 * off.energy,
-            off.ratio
+            off.ratio,
+            off.ssim
         );
     }
     Ok(())

@@ -245,9 +245,13 @@ pub struct Difference {
     pub energy: f64,
     /// The 99.99th percentile of the ratio of luminances, either way, where the truth is above a hundredth of its mean.
     pub ratio: f64,
+    /// Structural similarity of luminances, 1 where they are the same (Wang, Bovik, Sheikh and Simoncelli 2004), the mean
+    /// over windows of 8 × 8 pixels, 4 apart, with their constants. Luminances are mapped to 0…1 by `x / (x + mean)`.
+    pub ssim: f64,
 }
 
-pub fn difference(found: &[[f32; 4]], truth: &[[f32; 4]]) -> Difference {
+/// Of two pictures of that width.
+pub fn difference(found: &[[f32; 4]], truth: &[[f32; 4]], width: u32) -> Difference {
     let (mut squares, mut sum, mut total) = (0.0_f64, 0.0_f64, 0.0_f64);
     for (f, t) in found.iter().zip(truth) {
         for c in 0..3 {
@@ -275,5 +279,39 @@ pub fn difference(found: &[[f32; 4]], truth: &[[f32; 4]]) -> Difference {
             .get(at.min(ratios.len().saturating_sub(1)))
             .copied()
             .unwrap_or(1.0),
+        ssim: {
+            let mapped = |pixels: &[[f32; 4]]| -> Vec<f64> {
+                let luminances = pixels.iter().map(luminance);
+                luminances.map(|l| l / (l + mean.max(1e-30))).collect()
+            };
+            similarity(&mapped(found), &mapped(truth), width as usize)
+        },
     }
+}
+
+fn similarity(a: &[f64], b: &[f64], width: usize) -> f64 {
+    const WINDOW: usize = 8;
+    let (c1, c2) = (0.01_f64.powi(2), 0.03_f64.powi(2));
+    let (mut sum, mut windows) = (0.0, 0.0_f64);
+    let starts = |n: usize| (0..(n + 1).saturating_sub(WINDOW)).step_by(WINDOW / 2);
+    for top in starts(a.len() / width.max(1)) {
+        for left in starts(width) {
+            // Sums of a, b, a², b² and ab.
+            let mut s = [0.0; 5];
+            for y in top..top + WINDOW {
+                for i in y * width + left..y * width + left + WINDOW {
+                    let terms = [a[i], b[i], a[i] * a[i], b[i] * b[i], a[i] * b[i]];
+                    for (s, term) in s.iter_mut().zip(terms) {
+                        *s += term / (WINDOW * WINDOW) as f64;
+                    }
+                }
+            }
+            let [ma, mb, aa, bb, ab] = s;
+            let (va, vb, covariance) = (aa - ma * ma, bb - mb * mb, ab - ma * mb);
+            sum += (2.0 * ma * mb + c1) * (2.0 * covariance + c2)
+                / ((ma * ma + mb * mb + c1) * (va + vb + c2));
+            windows += 1.0;
+        }
+    }
+    if windows > 0.0 { sum / windows } else { 1.0 }
 }

@@ -14,6 +14,9 @@ use crate::{
 /// How far below the horizon light counts for lobes, as a sine.
 const BELOW_HORIZON: f64 = 0.5;
 
+/// Pixels across below which a segment is a sliver.
+const NARROW: u32 = 4;
+
 /// Light that arrives at a point, gathered for a normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lobes {
@@ -151,8 +154,16 @@ impl Hull<'_> {
         ];
         let pixel = [edge[0] - (corner & 1), edge[1] - (corner >> 1)];
         let at = (pixel[1] * width + pixel[0]) as usize;
-        if segment_of[at] == id {
-            return self.receivers[at].map(|r| (r.position, r.normal));
+        let own = segment_of[at] == id;
+        let narrow = (right - left).min(bottom - top);
+        let (point, normal) = if own {
+            let receiver = self.receivers[at]?;
+            (receiver.position, receiver.normal)
+        } else {
+            (anchor.position, unpack_normal(segment.normal))
+        };
+        if own && narrow < NARROW {
+            return Some((point, normal));
         }
         let axis = self.camera.axis();
         // Any depth on the ray will do that is in front of the camera.
@@ -164,14 +175,19 @@ impl Hull<'_> {
         } else {
             (far - axis * axis.dot(far), axis)
         };
-        let normal = unpack_normal(segment.normal);
-        let [nearest, farthest] = [segment.nearest, segment.farthest].map(f64::from);
+        let [mut nearest, mut farthest] = [segment.nearest, segment.farthest].map(f64::from);
         let toward = normal.dot(direction);
         let depth = if toward.abs() > 1e-6 * direction.length() {
-            normal.dot(anchor.position - base) / toward
+            normal.dot(point - base) / toward
         } else {
             0.5 * (nearest + farthest)
         };
+        if own {
+            let half_pixel = 0.5 * (farthest - nearest) / f64::from(narrow);
+            let middle = axis.dot(point);
+            nearest = middle - half_pixel.min(0.5 * middle.abs());
+            farthest = middle + half_pixel;
+        }
         Some((base + direction * depth.clamp(nearest, farthest), normal))
     }
 }

@@ -79,8 +79,9 @@ pub struct HullVertex {
     pub blue: [f32; 4],
     /// What the lobe of each channel adds to the irradiance of a surface with the vertex's normal that is not there.
     pub excess: [f32; 3],
-    /// 0.
-    pub padding: f32,
+    /// The vertex that the light was gathered at: this one, or one at the same corner of a neighbour on the same surface,
+    /// or the first of a small segment. Moments and excess are 0 where it is another.
+    pub owner: u32,
 }
 
 /// What a recording counted. The GPU writes it; the caller reads it when it likes.
@@ -112,7 +113,7 @@ impl SgHullCounts {
         self.draw[1]
     }
 
-    /// Vertices at which light was gathered.
+    /// Corners of the quads. Light is gathered at fewer points, as neighbours share theirs ([`HullVertex::owner`]).
     pub fn vertices(&self) -> u32 {
         4 * self.quads()
     }

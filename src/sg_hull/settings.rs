@@ -23,7 +23,8 @@ pub struct SgHullSize {
     /// Height of it.
     pub height: u32,
     /// Texels a side of the grid that is segmented, 32…4096, no more than the viewport's own pixels. A tile has 32 × 32 of
-    /// them. Default 1024, the paper's: quads of 1/32 of the picture.
+    /// them. The paper has 1024; half of it takes half the time or less, since what a texel stands for is still looked at
+    /// pixel by pixel. Default 512.
     pub grid: u32,
     /// Segments that there is room for besides one a tile, up to 2^20. With the default quads a picture is 16384 of them, and as many again with fine
     /// geometry.
@@ -41,7 +42,7 @@ impl SgHullSize {
         Self {
             width,
             height,
-            grid: 1024,
+            grid: 512,
             segments: 65536,
         }
     }
@@ -103,11 +104,12 @@ impl SgHullSize {
 /// Settings of the [`SgHull`](crate::SgHull).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SgHullSettings {
-    /// Side of the largest quad in texels of the grid: 4, 8, 16 or 32. The paper has 32, a whole tile, 1/32 of the picture;
-    /// half of it takes four times the vertices and leaves a quarter of the error where light varies smoothly. Default 8.
+    /// Side of the largest quad in texels of the grid: 4, 8, 16 or 32. The paper has 32 of 1024, a whole tile, 1/32 of the
+    /// picture; half of it takes four times the vertices and leaves a quarter of the error where light varies smoothly.
+    /// Default 4: 1/128 of the picture.
     pub quad: u32,
     /// How far a pixel may lie off its neighbour's tangent plane to be one surface with it, in widths of the view at their
-    /// distance, above 0. Smaller follows finer relief with more quads. Default 0.004: four texels of 1024.
+    /// distance, above 0. Smaller follows finer relief with more quads. Default 0.004: two texels of 512.
     pub plane_distance: f32,
     /// How far apart along the camera's axis neighbours on one plane may be to be one surface, in widths of the view at
     /// their distance, above 0. Default 0.1.
@@ -120,7 +122,7 @@ pub struct SgHullSettings {
 impl Default for SgHullSettings {
     fn default() -> Self {
         Self {
-            quad: 8,
+            quad: 4,
             plane_distance: 0.004,
             gap: 0.1,
             normal_angle: 0.25,

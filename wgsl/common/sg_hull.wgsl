@@ -71,3 +71,22 @@ fn segment_slot(params: Params, counted: u32, i: u32) -> u32 {
 fn view_width(params: Params, relative: vec3f) -> f32 {
   return footprint(params.camera, relative) * f32(max(params.camera.viewport.z, params.camera.viewport.w));
 }
+
+// A pixel's point relative to the camera's eye.
+fn relative(params: Params, texel: vec4u) -> vec3f {
+  return receiver_position(texel) - params.camera.eye;
+}
+
+// Whether two pixels are one surface: alike in normal, each close to the other's tangent plane, and no gap between them.
+// Oblique planes are one whatever the step in depth from pixel to pixel, which is what a threshold on depth alone splits.
+fn similar(params: Params, a: vec4u, b: vec4u) -> bool {
+  let p = relative(params, a);
+  let q = relative(params, b);
+  let d = q - p;
+  let n = unpack_normal(a.w);
+  let m = unpack_normal(b.w);
+  let extent = min(view_width(params, p), view_width(params, q));
+  return dot(n, m) >= params.normal_cosine
+    && max(abs(dot(n, d)), abs(dot(m, d))) <= params.plane_distance * extent
+    && abs(dot(params.along, d)) <= params.gap * extent;
+}

@@ -7,5 +7,6 @@ struct HullVertex {
   blue: vec4f,
   // What one lobe gets wrong of the irradiance of a surface with the vertex's normal, a colour channel each.
   excess: vec3f,
-  padding: f32,
+  // The vertex whose light it has: itself, or one of another corner that is the same point of the same surface.
+  owner: u32,
 }
