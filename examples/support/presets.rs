@@ -55,10 +55,9 @@ pub fn bounced_preset(name: &str, payload: Payload, radius: f32) -> Option<Bounc
     let (directions, window, deviations) = match (name, payload) {
         ("fast", Payload::Occlusion) => (4, 6, 0.0),
         ("balanced", Payload::Occlusion) => (16, 3, 4.0),
-        ("accurate", Payload::Occlusion) => (64, 3, 3.0),
         ("fast", Payload::Radiance) => (8, 4, 6.0),
         ("balanced", Payload::Radiance) => (40, 3, 4.0),
-        ("accurate", Payload::Radiance) => (64, 3, 3.0),
+        ("accurate", _) => (64, 3, 3.0),
         _ => return None,
     };
     Some(BouncedPreset {
