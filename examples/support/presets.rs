@@ -53,7 +53,7 @@ pub fn preset(name: &str, radius: f32) -> Option<Preset> {
 /// One of [`NAMES`], for hits nearer than `radius`.
 pub fn bounced_preset(name: &str, payload: Payload, radius: f32) -> Option<BouncedPreset> {
     let (directions, window, deviations) = match (name, payload) {
-        ("fast", Payload::Occlusion) => (4, 6, 0.0),
+        ("fast", Payload::Occlusion) => (4, 4, 0.0),
         ("balanced", Payload::Occlusion) => (16, 3, 4.0),
         ("fast", Payload::Radiance) => (8, 4, 6.0),
         ("balanced", Payload::Radiance) => (40, 3, 4.0),
