@@ -23,7 +23,7 @@ use deep_screen_space::{
         volumetric_obscurance::{DepthBuffer, integral_of_geometry},
     },
     scenes::{self, Scene},
-    wgpu::{self, TextureFormat, TextureUsages},
+    wgpu::{self, TextureFormat},
 };
 use rayon::prelude::*;
 use support::{
@@ -64,7 +64,7 @@ struct Stage {
     radius: f32,
     depth: wgpu::TextureView,
     normal: wgpu::TextureView,
-    target: wgpu::Texture,
+    target: wgpu::TextureView,
     /// Pixels, and their integrals over the depth buffer and over the geometry.
     truth: Vec<([u32; 2], [f64; 2])>,
 }
@@ -144,26 +144,12 @@ impl Stage {
                 Some((pixel, [of_depth, of_geometry]))
             })
             .collect();
-        let target = gpu.device.create_texture(&wgpu::TextureDescriptor {
-            label: None,
-            size: wgpu::Extent3d {
-                width,
-                height,
-                depth_or_array_layers: 1,
-            },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: TextureFormat::R32Float,
-            usage: TextureUsages::STORAGE_BINDING | TextureUsages::COPY_SRC,
-            view_formats: &[],
-        });
         Self {
             depth: gpu.texture(TextureFormat::R32Float, width, height, &depths),
             normal: gpu.texture(TextureFormat::Rgba32Float, width, height, &texels),
             camera,
             radius,
-            target,
+            target: gpu.storage(TextureFormat::R32Float, width, height),
             truth,
         }
     }
@@ -181,9 +167,6 @@ impl Stage {
             sampling,
             ObscuranceSampling::Areas(_) | ObscuranceSampling::OneArea
         );
-        let target = self
-            .target
-            .create_view(&wgpu::TextureViewDescriptor::default());
         let input = ObscuranceInput {
             depth: &self.depth,
             normals: Some(Normals {
@@ -194,7 +177,7 @@ impl Stage {
             camera: &self.camera,
             moments: areas.then_some(moments),
             work: None,
-            target: &target,
+            target: &self.target,
             timestamps: None,
         };
         let (ms, recorded) = gpu.time(|encoder| {
@@ -222,7 +205,7 @@ impl Stage {
     /// Sums of squares of errors against both truths, and of the errors against the second.
     fn errors(&self, gpu: &Gpu) -> [f64; 3] {
         let width = self.camera.viewport().width;
-        let image: Vec<f32> = gpu.read_texture(&self.target, 0);
+        let image: Vec<f32> = gpu.read_texture(self.target.texture(), 0);
         let mut sums = [0.0; 3];
         for (pixel, truth) in &self.truth {
             let open = f64::from(image[(pixel[1] * width + pixel[0]) as usize]);

@@ -10,8 +10,7 @@ use std::collections::BTreeSet;
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Camera,
-    CloudCapacity, DiskSettings, Error, Geometry, HitReconstructor, HitReconstructorDescriptor,
-    HitReconstructorInput, HitReconstructorSettings, Merge, Payload, Placement, Sampling, Senders,
+    CloudCapacity, DiskSettings, Error, Geometry, Merge, Payload, Placement, Sampling, Senders,
     Surfel, SurfelCloud, SurfelCounts, SurfelRadiance, SurfelSource, Surfelizer, SurfelizerInput,
     SurfelizerSettings, Viewport,
     glam::DVec3,
@@ -813,108 +812,6 @@ fn few_surfels_are_no_trouble() {
                 expected,
                 "{count} disks, {levels} levels: {blocked}"
             );
-        }
-    }
-}
-
-/// Ambient visibility of hits.
-fn picture(
-    gpu: &Gpu,
-    shot: &Shot,
-    cloud: &SurfelCloud,
-    hits: &BouncedView,
-    traced: &BouncedSettings,
-) -> Vec<f32> {
-    let device = &gpu.device;
-    let [width, height] = hits.size();
-    let descriptor = HitReconstructorDescriptor {
-        payload: Payload::Occlusion,
-        sampling: Sampling::Cosine,
-        deferred: false,
-        target: wgpu::TextureFormat::R32Float,
-    };
-    let pass = HitReconstructor::new(device, &descriptor, None).expect("pipelines");
-    let scratch = pass.create_view(device, width, height).expect("a view");
-    let target = gpu.target(wgpu::TextureFormat::R32Float, width, height);
-    let mut encoder = gpu.encoder();
-    let input = HitReconstructorInput {
-        gbuffer: shot.gbuffer(),
-        camera: &shot.camera,
-        cloud,
-        hits,
-        traced,
-        target: &target,
-        timestamps: None,
-        roughness: None,
-    };
-    let settings = HitReconstructorSettings::default();
-    pass.record(device, &mut encoder, &input, &settings, &scratch)
-        .expect("a picture");
-    gpu.finish(encoder);
-    gpu.read_texture(target.texture(), 0)
-}
-
-/// Prints how far disks are from pieces along the same directions:
-/// `cargo test --test bounced_disks -- --ignored --nocapture table`.
-#[test]
-#[ignore = "measures, and asserts nothing"]
-fn table() {
-    let gpu = gpu();
-    println!(
-        "160 x 100, N = 16, 2 px, m = 10; leak and over: share of rays; raw and filtered: RMSE of ambient visibility"
-    );
-    for (name, view) in [
-        ("cornell", 0),
-        ("cornell", 1),
-        ("closed_room", 0),
-        ("colonnade", 0),
-    ] {
-        let shot = shot(&gpu, name, view, [160, 100]);
-        let scene = scenes::by_name(name).expect("a scene");
-        for placement in [Placement::Random, Placement::Centroid] {
-            let cloud = cloud_of(&gpu, &shot, &surfels(2.0, placement));
-            for radius in [scene.ao_radius, f32::INFINITY] {
-                let run = |senders, merge| {
-                    let disks = DiskSettings {
-                        merge,
-                        ..DiskSettings::default()
-                    };
-                    let bounced = BouncedSettings {
-                        radius,
-                        ..settings(16, disks)
-                    };
-                    let pass = pass(&gpu, Payload::Occlusion, senders);
-                    let start = std::time::Instant::now();
-                    let hits = trace(&gpu, &shot, &cloud.cloud, &pass, &bounced, None);
-                    let seconds = start.elapsed().as_secs_f64();
-                    let bits: Vec<bool> = blocked(&gpu, &hits, &bounced)
-                        .into_iter()
-                        .flatten()
-                        .collect();
-                    let picture = picture(&gpu, &shot, &cloud.cloud, &hits, &bounced);
-                    (bits, picture, seconds)
-                };
-                let (exact, truth, seconds) = run(Senders::Pieces, Merge::Nearest);
-                println!(
-                    "{name} {view}, {placement:?}, radius {radius}, {} disks: pieces {seconds:.1} s",
-                    cloud.disks.len()
-                );
-                for (levels, merge) in
-                    [(1, Merge::Nearest), (5, Merge::Nearest), (5, Merge::Finest)]
-                {
-                    let (bits, picture, seconds) = run(Senders::Disks { levels }, merge);
-                    let [leaks, over, raw] = errors(&bits, &exact, 16);
-                    let squares: f64 = picture
-                        .iter()
-                        .zip(&truth)
-                        .map(|(a, b)| f64::from(a - b).powi(2))
-                        .sum();
-                    println!(
-                        "  {levels} levels, {merge:?}: leak {leaks:.4}, over {over:.4}, raw {raw:.4}, filtered {:.4}, {seconds:.1} s",
-                        (squares / picture.len() as f64).sqrt()
-                    );
-                }
-            }
         }
     }
 }

@@ -210,24 +210,8 @@ impl Gpu {
         width: u32,
         height: u32,
     ) -> wgpu::TextureView {
-        self.device
-            .create_texture(&wgpu::TextureDescriptor {
-                label: None,
-                size: wgpu::Extent3d {
-                    width,
-                    height,
-                    depth_or_array_layers: 1,
-                },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format,
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT
-                    | wgpu::TextureUsages::TEXTURE_BINDING
-                    | wgpu::TextureUsages::COPY_SRC,
-                view_formats: &[],
-            })
-            .create_view(&wgpu::TextureViewDescriptor::default())
+        let usage = wgpu::TextureUsages::RENDER_ATTACHMENT;
+        self.empty(format, width, height, usage)
     }
 
     /// An empty texture for kernels to write and to read back.
@@ -236,6 +220,17 @@ impl Gpu {
         format: wgpu::TextureFormat,
         width: u32,
         height: u32,
+    ) -> wgpu::TextureView {
+        let usage = wgpu::TextureUsages::STORAGE_BINDING;
+        self.empty(format, width, height, usage)
+    }
+
+    fn empty(
+        &self,
+        format: wgpu::TextureFormat,
+        width: u32,
+        height: u32,
+        written: wgpu::TextureUsages,
     ) -> wgpu::TextureView {
         self.device
             .create_texture(&wgpu::TextureDescriptor {
@@ -249,7 +244,7 @@ impl Gpu {
                 sample_count: 1,
                 dimension: wgpu::TextureDimension::D2,
                 format,
-                usage: wgpu::TextureUsages::STORAGE_BINDING
+                usage: written
                     | wgpu::TextureUsages::TEXTURE_BINDING
                     | wgpu::TextureUsages::COPY_SRC,
                 view_formats: &[],
