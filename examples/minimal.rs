@@ -103,6 +103,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         cloud: &cloud,
         clusters: &clusters,
         materials: None,
+        work: None,
         timestamps: None,
     };
     splatter.record(device, &mut encoder, &input, &splat, &sums)?;
@@ -114,6 +115,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         sums: &sums,
         levels: splat.levels,
         target: &target,
+        sub_image: None,
         timestamps: None,
     };
     let filter = ReconstructorSettings::default();

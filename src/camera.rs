@@ -416,3 +416,13 @@ pub struct CameraParams {
     pub(crate) perspective: u32,
     pub(crate) padding: u32,
 }
+
+impl CameraParams {
+    /// What a pass over a sub-image alone knows of the camera: its pixels lie from the corner and are larger. Its points are
+    /// not to be unprojected.
+    pub(crate) fn of_sub_image(mut self, [width, height]: [u32; 2], level: u32) -> Self {
+        self.viewport = [0, 0, width, height];
+        self.pixel *= (1_u32 << level) as f32;
+        self
+    }
+}

@@ -14,7 +14,7 @@ use crate::{
     light::LightParams,
     multi_res_mask::params::{EdgeParams, LevelParams},
     multi_res_reconstructor::params::MultiResReconstructorParams,
-    receivers::ReceiversParams,
+    receivers::{ListedReceiversParams, ReceiversParams},
     reconstructor::params::ReconstructorParams,
     reflective_shadow_map::ReflectiveShadowMapParams,
     screen_space_gi::params::ScreenSpaceGiParams,
@@ -109,6 +109,13 @@ fn structs_match_the_shaders() {
     );
     // What follows the G-buffer's own.
     let after = |fields: &[(&'static str, usize)]| [gbuffer.as_slice(), fields].concat();
+    check(
+        &ao,
+        "receivers list",
+        "Params",
+        &after(&fields!(ListedReceiversParams: level)),
+        size_of::<ListedReceiversParams>(),
+    );
     let edges =
         after(&fields!(EdgeParams: normal_threshold, depth_threshold, shading_threshold, sources));
     check(
@@ -169,8 +176,7 @@ fn structs_match_the_shaders() {
             size_of::<SurfelCounts>(),
         );
     }
-    let reconstructor =
-        fields!(ReconstructorParams: camera, levels, radius, plane_distance, normal_power);
+    let reconstructor = fields!(ReconstructorParams: camera, levels, radius, plane_distance, normal_power, viewport, sub_image);
     for shader in ["reconstructor smooth", "reconstructor"] {
         check(
             &ao,

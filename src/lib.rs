@@ -77,10 +77,10 @@
 //!     let input = ClusterInput { cloud, materials: None, timestamps: None };
 //!     splatter.record_clusters(device, encoder, &input, &splat, &mut clusters)?;
 //!     let clusters = &clusters;
-//!     let input = SplatInput { gbuffer, camera, cloud, clusters, materials: None, timestamps: None };
+//!     let input = SplatInput { gbuffer, camera, cloud, clusters, materials: None, work: None, timestamps: None };
 //!     splatter.record(device, encoder, &input, &splat, &sums)?;
 //!     let (sums, levels) = (&sums, splat.levels);
-//!     let input = ReconstructorInput { gbuffer, camera, cloud, sums, levels, target, timestamps: None };
+//!     let input = ReconstructorInput { gbuffer, camera, cloud, sums, levels, sub_image: None, target, timestamps: None };
 //!     reconstructor.record(device, encoder, &input, &Default::default(), &scratch)
 //! }
 //! ```

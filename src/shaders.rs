@@ -58,11 +58,8 @@ pub fn shaders(effect: &Effect) -> Result<Vec<Shader>, Error> {
             assemble("surfelizer", surfelizer::SOURCE, &[], &[])?,
             none,
         ),
-        shader(
-            "receivers",
-            assemble("receivers", receivers::SOURCE, &[], &[])?,
-            none,
-        ),
+        shader("receivers", receivers::source(false)?, none),
+        shader("receivers list", receivers::source(true)?, none),
         shader(
             "shell_splatter build",
             shell_splatter::source(effect, SplatVariant::Build)?,

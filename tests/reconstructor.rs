@@ -265,6 +265,7 @@ impl Summed<'_> {
             sums: &self.view,
             levels: self.levels,
             target,
+            sub_image: None,
             timestamps: None,
         }
     }

@@ -148,6 +148,7 @@ fn run(gpu: &Gpu, shot: &Shot, passes: &Passes, options: &Options) -> Run {
                 cloud: &cloud,
                 clusters: &clusters,
                 materials: materials.as_ref(),
+                work: None,
                 timestamps: None,
             },
             &options.splat,
@@ -842,6 +843,7 @@ fn two_views_share_a_cloud() {
                     cloud: &cloud,
                     clusters: &clusters,
                     materials: None,
+                    work: None,
                     timestamps: None,
                 },
                 &settings,
@@ -989,6 +991,7 @@ fn bad_settings_are_typed_errors() {
             cloud: &cloud,
             clusters: &clusters,
             materials: None,
+            work: None,
             timestamps: None,
         };
         splat

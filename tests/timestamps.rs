@@ -134,6 +134,7 @@ fn recordings_write_their_times() {
         cloud: &cloud,
         clusters: &clusters,
         materials: None,
+        work: None,
         timestamps: stamps(4),
     };
     splatter
@@ -146,6 +147,7 @@ fn recordings_write_their_times() {
         sums: &sums,
         levels: 5,
         target: &target,
+        sub_image: None,
         timestamps: stamps(6),
     };
     reconstructor

@@ -25,6 +25,13 @@ struct Params {
   plane_distance: f32,
   // Exponent of the cosine between normals, 8 or more.
   normal_power: f32,
+  // Of the G-buffer; the camera's is a sub-image's where one is reconstructed.
+  viewport: vec4u,
+  // Which.
+  sub_image: u32,
+  padding0: u32,
+  padding1: u32,
+  padding2: u32,
 }
 
 #import effect_types
@@ -43,6 +50,7 @@ struct Params {
 @group(0) @binding(3) var means: texture_2d_array<f32>;
 #endif
 #if ALBEDO
+#import sub_image
 @group(0) @binding(4) var albedo_texture: texture_2d<f32>;
 #endif
 #import effect
@@ -200,7 +208,8 @@ fn reconstruct(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
   let at = clamp(vec2i(fragment.xy) - vec2i(params.camera.viewport.xy), vec2i(0), size() - 1);
   var albedo = vec3f(1.0);
 #if ALBEDO
-  albedo = textureLoad(albedo_texture, vec2i(params.camera.viewport.xy) + at, 0).xyz;
+  let pixel = stands_for(vec2u(at), params.sub_image, params.viewport.zw);
+  albedo = textureLoad(albedo_texture, params.viewport.xy + pixel, 0).xyz;
 #endif
   var total = Sum(0.0);
   if textureLoad(receivers, at, 0).w != SKY {

@@ -221,7 +221,7 @@ impl Gpu {
         width: u32,
         height: u32,
     ) -> wgpu::TextureView {
-        let usage = wgpu::TextureUsages::STORAGE_BINDING;
+        let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::RENDER_ATTACHMENT;
         self.empty(format, width, height, usage)
     }
 

@@ -23,7 +23,7 @@ use crate::{
         shader, uniform,
     },
     multi_res_mask::{MultiResView, settings::MultiResMaskSettings},
-    receivers::{plane, plane_bytes},
+    receivers::{plane_bytes, plane_for},
     work::{LEVELS, level_size},
 };
 
@@ -55,8 +55,8 @@ pub struct SubImages {
 }
 
 impl SubImages {
-    /// The texture of a level: `R32Float` or `Rgba16Float` by the channels (usages
-    /// `STORAGE_BINDING | TEXTURE_BINDING | COPY_SRC`); `None` for a level that it was not made with.
+    /// The texture of a level: `R32Float` or `Rgba16Float` by the channels (usages `STORAGE_BINDING | RENDER_ATTACHMENT |
+    /// TEXTURE_BINDING | COPY_SRC`); `None` for a level that it was not made with.
     pub fn level(&self, level: u32) -> Option<&TextureView> {
         self.levels.get(level as usize)?.as_ref()
     }
@@ -140,12 +140,13 @@ impl MultiResReconstructor {
         let size = [width, height];
         let mut levels = [const { None }; LEVELS as usize];
         for (level, _) in settings.present() {
-            let texture = plane(
+            let texture = plane_for(
                 device,
                 "deep-screen-space sub-image",
                 format(self.channels),
                 level_size(size, level),
                 1,
+                TextureUsages::RENDER_ATTACHMENT,
             )?;
             levels[level as usize] =
                 Some(texture.create_view(&wgpu::TextureViewDescriptor::default()));

@@ -13,12 +13,13 @@ use crate::{
     gbuffer::GBuffer,
     gpu::{
         Kernel,
-        binding::{self, FLOAT_2D, UNIFORM, view, whole},
+        binding::{self, FLOAT_2D, READ, UNIFORM, view, whole},
         compute_pass, shader, uniform,
     },
+    work::WorkList,
 };
 
-pub(crate) const SOURCE: &str = include_str!("../../wgsl/receivers.wgsl");
+const SOURCE: &str = include_str!("../../wgsl/receivers.wgsl");
 
 const LABEL: &str = "deep-screen-space receivers";
 
@@ -47,8 +48,20 @@ pub(crate) fn plane(
     device: &Device,
     label: &'static str,
     format: TextureFormat,
+    size: [u32; 2],
+    layers: u32,
+) -> Result<wgpu::Texture, Error> {
+    plane_for(device, label, format, size, layers, TextureUsages::empty())
+}
+
+/// One with usages besides.
+pub(crate) fn plane_for(
+    device: &Device,
+    label: &'static str,
+    format: TextureFormat,
     [width, height]: [u32; 2],
     layers: u32,
+    besides: TextureUsages,
 ) -> Result<wgpu::Texture, Error> {
     let limits = device.limits();
     check_limit(
@@ -76,7 +89,8 @@ pub(crate) fn plane(
         format,
         usage: TextureUsages::STORAGE_BINDING
             | TextureUsages::TEXTURE_BINDING
-            | TextureUsages::COPY_SRC,
+            | TextureUsages::COPY_SRC
+            | besides,
         view_formats: &[],
     }))
 }
@@ -111,6 +125,15 @@ impl ReceiversParams {
     }
 }
 
+/// `Params` of `wgsl/receivers.wgsl` for a list.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct ListedReceiversParams {
+    pub(crate) gbuffer: ReceiversParams,
+    pub(crate) level: u32,
+    padding: [u32; 3],
+}
+
 /// The pipeline.
 #[derive(Debug)]
 pub(crate) struct ReceiversPass {
@@ -120,35 +143,12 @@ pub(crate) struct ReceiversPass {
 
 impl ReceiversPass {
     pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
-        let layout = binding::layout(
-            device,
-            LABEL,
-            ShaderStages::COMPUTE,
-            &[
-                (0, UNIFORM),
-                (1, FLOAT_2D),
-                (2, FLOAT_2D),
-                (
-                    3,
-                    binding::store(TextureFormat::Rgba32Uint, TextureViewDimension::D2),
-                ),
-            ],
-        );
-        let module = shader::create(
-            device,
-            LABEL,
-            shader::assemble("receivers", SOURCE, &[], &[])?,
-        );
-        let prepare = Kernel {
-            label: LABEL,
-            module: &module,
-            entry: "prepare",
-            layouts: &[&layout],
-            constants: &[],
-            cache,
-        }
-        .create(device);
-        Ok(Self { layout, prepare })
+        let layout = layout(device, false);
+        let module = shader::create(device, LABEL, source(false)?);
+        Ok(Self {
+            prepare: kernel(device, &module, &layout, "prepare", cache),
+            layout,
+        })
     }
 
     /// Records into a pass of its own; `origin` is the eye that positions shall be relative to.
@@ -186,4 +186,102 @@ impl ReceiversPass {
             1,
         );
     }
+}
+
+/// The pipelines for listed pixels of a sub-image.
+#[derive(Debug)]
+pub(crate) struct ListedReceiversPass {
+    layout: wgpu::BindGroupLayout,
+    erase: ComputePipeline,
+    prepare: ComputePipeline,
+}
+
+impl ListedReceiversPass {
+    pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
+        let layout = layout(device, true);
+        let module = shader::create(device, LABEL, source(true)?);
+        Ok(Self {
+            erase: kernel(device, &module, &layout, "erase", cache),
+            prepare: kernel(device, &module, &layout, "prepare", cache),
+            layout,
+        })
+    }
+
+    /// As [`ReceiversPass::record`]; `receivers` have the size of the list's level.
+    pub fn record(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        (gbuffer, camera): (&GBuffer<'_>, &Camera),
+        origin: DVec3,
+        work: &WorkList<'_>,
+        receivers: &Receivers,
+    ) {
+        let params = ListedReceiversParams {
+            gbuffer: ReceiversParams::new(gbuffer, camera, origin),
+            level: work.level,
+            padding: [0; 3],
+        };
+        let params = uniform(device, LABEL, &params);
+        let group = binding::group(
+            device,
+            LABEL,
+            &self.layout,
+            &[
+                (0, whole(&params)),
+                (1, view(gbuffer.depth)),
+                (2, view(gbuffer.normal)),
+                (3, view(&receivers.view)),
+                (4, whole(work.pixels)),
+            ],
+        );
+        let mut pass = compute_pass(encoder, LABEL, None);
+        pass.set_bind_group(0, &group, &[]);
+        pass.set_pipeline(&self.erase);
+        pass.dispatch_workgroups(
+            receivers.size[0].div_ceil(8),
+            receivers.size[1].div_ceil(8),
+            1,
+        );
+        pass.set_pipeline(&self.prepare);
+        pass.dispatch_workgroups_indirect(work.dispatch, 0);
+    }
+}
+
+fn layout(device: &Device, listed: bool) -> wgpu::BindGroupLayout {
+    let mut entries = vec![
+        (0, UNIFORM),
+        (1, FLOAT_2D),
+        (2, FLOAT_2D),
+        (
+            3,
+            binding::store(TextureFormat::Rgba32Uint, TextureViewDimension::D2),
+        ),
+    ];
+    entries.extend(listed.then_some((4, READ)));
+    binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries)
+}
+
+/// The module for all pixels, or for listed ones.
+pub(crate) fn source(listed: bool) -> Result<String, Error> {
+    let flags: &[&str] = if listed { &["LIST"] } else { &[] };
+    shader::assemble("receivers", SOURCE, flags, &[])
+}
+
+fn kernel(
+    device: &Device,
+    module: &wgpu::ShaderModule,
+    layout: &wgpu::BindGroupLayout,
+    entry: &str,
+    cache: Option<&PipelineCache>,
+) -> ComputePipeline {
+    Kernel {
+        label: LABEL,
+        module,
+        entry,
+        layouts: &[layout],
+        constants: &[],
+        cache,
+    }
+    .create(device)
 }

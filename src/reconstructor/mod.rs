@@ -24,6 +24,7 @@ use crate::{
     receivers::{plane, plane_bytes},
     shell_splatter::SplatView,
     surfel::SurfelCloud,
+    work::{LEVELS, level_size},
 };
 
 pub(crate) const SOURCE: &str = include_str!("../../wgsl/reconstructor.wgsl");
@@ -89,8 +90,11 @@ pub struct ReconstructorInput<'a> {
     pub sums: &'a SplatView,
     /// How many levels were splatted.
     pub levels: u32,
+    /// The sub-image that was splatted, 0…3, where [`SplatInput::work`](crate::SplatInput::work) was given.
+    pub sub_image: Option<u32>,
     /// The caller's texture, of the format that the reconstructor was made for, usage `RENDER_ATTACHMENT`, covering the
-    /// camera's viewport. Only the viewport is written.
+    /// camera's viewport, or having a sub-image's pixels from the corner. Only these are written. What a work list left
+    /// out gets what the effect makes of the sky.
     pub target: &'a TextureView,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
@@ -172,7 +176,7 @@ impl Reconstructor {
         })
     }
 
-    /// Room for a view of `width` × `height` pixels: nothing with one level.
+    /// Room for a view of `width` × `height` pixels, as the splatter's: nothing with one level.
     ///
     /// # Errors
     /// [`Error::Setting`] for a size out of range, [`Error::Limit`] for one beyond the device's.
@@ -217,7 +221,7 @@ impl Reconstructor {
     /// Records the reconstruction into the caller's texture.
     ///
     /// # Errors
-    /// [`Error::Setting`], [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target, [`Error::Mismatch`]
+    /// [`Error::Setting`]; [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target, [`Error::Mismatch`]
     /// where sums and view disagree with the camera or with each other.
     pub fn record(
         &self,
@@ -229,12 +233,17 @@ impl Reconstructor {
     ) -> Result<(), Error> {
         settings.validate()?;
         check_timestamps(input.timestamps)?;
-        self.check(input, scratch)?;
-        let viewport = input.camera.viewport();
+        let viewport = self.check(input, scratch)?;
         let params = uniform(
             device,
             LABEL,
-            &ReconstructorParams::new(settings, input.camera, input.cloud.origin(), input.levels),
+            &ReconstructorParams::new(
+                settings,
+                input.camera,
+                input.cloud.origin(),
+                input.levels,
+                input.sub_image,
+            ),
         );
         let smoothing = scratch.scratch.as_ref().filter(|_| input.levels > 1);
         let shared = [(0, whole(&params)), (1, view(&input.sums.receivers.view))];
@@ -281,12 +290,24 @@ impl Reconstructor {
         Ok(())
     }
 
+    /// The part of the target that is to be written.
     fn check(
         &self,
         input: &ReconstructorInput<'_>,
         scratch: &ReconstructorView,
-    ) -> Result<(), Error> {
-        let viewport = input.camera.viewport();
+    ) -> Result<Viewport, Error> {
+        let whole = input.camera.viewport();
+        let mut viewport = whole;
+        if let Some(level) = input.sub_image {
+            check_setting(
+                level < LEVELS,
+                "ReconstructorInput::sub_image",
+                level,
+                "0 to 3",
+            )?;
+            let [width, height] = level_size([whole.width, whole.height], level);
+            viewport = Viewport::full(width, height);
+        }
         let size = [viewport.width, viewport.height];
         check_plain(
             "ReconstructorInput::target",
@@ -303,7 +324,7 @@ impl Reconstructor {
             });
         }
         if self.effect.albedo {
-            input.gbuffer.validate(viewport)?;
+            input.gbuffer.validate(whole)?;
             if input.gbuffer.albedo.is_none() {
                 return Err(Error::Mismatch {
                     name: "GBuffer",
@@ -346,7 +367,7 @@ impl Reconstructor {
                 needed: format!("{size:?} pixels, {} levels (at least 1)", input.levels),
             });
         }
-        Ok(())
+        Ok(viewport)
     }
 }
 

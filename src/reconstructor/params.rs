@@ -4,7 +4,10 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::settings::ReconstructorSettings;
-use crate::camera::{Camera, CameraParams};
+use crate::{
+    camera::{Camera, CameraParams},
+    work::level_size,
+};
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -14,6 +17,9 @@ pub struct ReconstructorParams {
     pub(crate) radius: f32,
     pub(crate) plane_distance: f32,
     pub(crate) normal_power: f32,
+    pub(crate) viewport: [u32; 4],
+    pub(crate) sub_image: u32,
+    pub(crate) padding: [u32; 3],
 }
 
 impl ReconstructorParams {
@@ -22,13 +28,20 @@ impl ReconstructorParams {
         camera: &Camera,
         origin: DVec3,
         levels: u32,
+        sub_image: Option<u32>,
     ) -> Self {
+        let full = camera.params(origin);
+        let [_, _, width, height] = full.viewport;
+        let part = |level| full.of_sub_image(level_size([width, height], level), level);
         Self {
-            camera: camera.params(origin),
+            camera: sub_image.map_or(full, part),
             levels,
             radius: settings.radius,
             plane_distance: settings.plane_distance,
             normal_power: settings.normal_power,
+            viewport: full.viewport,
+            sub_image: sub_image.unwrap_or(0),
+            padding: [0; 3],
         }
     }
 }

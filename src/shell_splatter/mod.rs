@@ -23,9 +23,10 @@ use crate::{
         binding::{self, READ, UINT_2D, UNIFORM, WRITE, whole},
         check_timestamps, compute_pass, dispatch, shader, storage, uniform,
     },
-    receivers::{Receivers, ReceiversPass, plane, plane_bytes},
+    receivers::{ListedReceiversPass, Receivers, ReceiversPass, plane, plane_bytes},
     surfel::SurfelCloud,
     surfelizer::settings::Reach,
+    work::{WorkList, level_size},
 };
 
 pub(crate) const SOURCE: &str = include_str!("../../wgsl/shell_splatter.wgsl");
@@ -45,6 +46,7 @@ pub struct ShellSplatter {
     build_groups: ComputePipeline,
     splat: ComputePipeline,
     receivers: ReceiversPass,
+    listed_receivers: ListedReceiversPass,
 }
 
 /// What a [`ShellSplatter`] is compiled for.
@@ -93,7 +95,7 @@ pub struct SplatView {
 }
 
 impl SplatView {
-    /// Width and height in pixels: that of the cameras' viewports.
+    /// Width and height in pixels: that of the cameras' viewports, or of a sub-image of them.
     pub fn size(&self) -> [u32; 2] {
         self.receivers.size
     }
@@ -158,6 +160,9 @@ pub struct SplatInput<'a> {
     /// A storage buffer of [`Material`](crate::Material)s, for an effect with [`Effect::materials`]. An index beyond
     /// its end takes the last one.
     pub materials: Option<&'a Buffer>,
+    /// The pixels to compute, of a sub-image that has the view's size; all of the viewport, if left out. The others' sums
+    /// are 0, and tiles without listed pixels cost next to nothing.
+    pub work: Option<WorkList<'a>>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -238,6 +243,7 @@ impl ShellSplatter {
             build_groups: kernel(&build_module, "build_groups", &build_layout),
             splat: kernel(&splat_module, "splat", &splat_layout),
             receivers: ReceiversPass::new(device, descriptor.cache)?,
+            listed_receivers: ListedReceiversPass::new(device, descriptor.cache)?,
             effect: effect.clone(),
             statistics: descriptor.statistics,
             plan_layout,
@@ -297,7 +303,8 @@ impl ShellSplatter {
         })
     }
 
-    /// Textures for a view of `width` × `height` pixels.
+    /// Textures for a view of `width` × `height` pixels: a camera's viewport, or a sub-image of level l, `⌈width / 2^l⌉ ×
+    /// ⌈height / 2^l⌉`.
     ///
     /// # Errors
     /// [`Error::Setting`] for levels or a size out of range, [`Error::Limit`] for a size beyond the device's.
@@ -396,8 +403,8 @@ impl ShellSplatter {
     /// Records the splatting of a cloud into a view's sums.
     ///
     /// # Errors
-    /// What [`GBuffer::validate`] and [`SplatSettings::validate`] find; [`Error::Mismatch`] where the view has another
-    /// size than the camera's viewport, or fewer levels than the settings, and where the clusters were last recorded with
+    /// What [`GBuffer::validate`], [`SplatSettings::validate`] and [`WorkList::validate`] find; [`Error::Mismatch`] where the
+    /// view has another size than the camera's viewport or the work's sub-image, or fewer levels than the settings, and where the clusters were last recorded with
     /// other settings (but for the seed); [`Error::Buffer`] for a missing material table.
     pub fn record(
         &self,
@@ -420,7 +427,12 @@ impl ShellSplatter {
             });
         }
         let materials = self.check_materials(input.materials)?;
-        if view.size() != [viewport.width, viewport.height]
+        if let Some(work) = &input.work {
+            work.validate(viewport)?;
+        }
+        let sub_image = input.work.as_ref().map_or(0, |work| work.level);
+        let size = level_size([viewport.width, viewport.height], sub_image);
+        if view.size() != size
             || view.levels < settings.levels
             || view.format != self.effect.sum_format()
         {
@@ -433,8 +445,7 @@ impl ShellSplatter {
                     view.format
                 ),
                 needed: format!(
-                    "{:?} pixels, {} levels, {:?}",
-                    [viewport.width, viewport.height],
+                    "{size:?} pixels, {} levels, {:?}",
                     settings.levels,
                     self.effect.sum_format()
                 ),
@@ -443,14 +454,25 @@ impl ShellSplatter {
         if let Some(statistics) = &view.statistics {
             encoder.clear_buffer(statistics, 0, None);
         }
-        self.receivers.record(
-            device,
-            encoder,
-            &input.gbuffer,
-            input.camera,
-            input.cloud.origin(),
-            &view.receivers,
-        );
+        let origin = input.cloud.origin();
+        match &input.work {
+            Some(work) => self.listed_receivers.record(
+                device,
+                encoder,
+                (&input.gbuffer, input.camera),
+                origin,
+                work,
+                &view.receivers,
+            ),
+            None => self.receivers.record(
+                device,
+                encoder,
+                &input.gbuffer,
+                input.camera,
+                origin,
+                &view.receivers,
+            ),
+        }
         let mut pass = compute_pass(encoder, &label(&self.effect, "splat"), input.timestamps);
         for level in 0..settings.levels {
             let place = input.clusters.places[level as usize];

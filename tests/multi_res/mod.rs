@@ -118,8 +118,12 @@ impl Frame {
 
     /// A scene's own view.
     pub fn of_scene(gpu: &Gpu, scene: &Scene, size: [u32; 2]) -> Self {
-        let camera = camera_of(scene, 0, size);
-        let shot = Shot::new(gpu, scene, &camera);
+        Self::of_shot(gpu, &Shot::new(gpu, scene, &camera_of(scene, 0, size)))
+    }
+
+    /// What a camera sees of a scene.
+    pub fn of_shot(gpu: &Gpu, shot: &Shot) -> Self {
+        let camera = shot.camera;
         let depth = shot
             .pixels
             .iter()

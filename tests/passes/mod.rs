@@ -160,6 +160,7 @@ impl Passes {
                 cloud: &self.cloud,
                 clusters: self.clusters.as_ref().expect("emit comes first"),
                 materials: None,
+                work: None,
                 timestamps: None,
             },
             &splat_settings(self.levels),

@@ -35,7 +35,13 @@ pub struct Shot {
 
 /// One of a scene's own views.
 pub fn camera_of(scene: &Scene, view: usize, [width, height]: [u32; 2]) -> Camera {
+    camera_in(scene, view, Viewport::full(width, height))
+}
+
+/// The same in a part of a target.
+pub fn camera_in(scene: &Scene, view: usize, viewport: Viewport) -> Camera {
     let view = &scene.views[view];
+    let Viewport { width, height, .. } = viewport;
     Camera::look_at(
         view.eye.into(),
         view.target.into(),
@@ -45,7 +51,7 @@ pub fn camera_of(scene: &Scene, view: usize, [width, height]: [u32; 2]) -> Camer
             f64::from(width) / f64::from(height),
             view.near,
         ),
-        Viewport::full(width, height),
+        viewport,
     )
     .expect("a scene's own view")
 }
@@ -298,6 +304,7 @@ impl Passes {
                     cloud: &cloud,
                     clusters: &clusters,
                     materials: None,
+                    work: None,
                     timestamps: None,
                 },
                 &settings.splat,
@@ -315,6 +322,7 @@ impl Passes {
                     sums: &sums,
                     levels,
                     target: &target,
+                    sub_image: None,
                     timestamps: None,
                 },
                 &settings.reconstructor,
