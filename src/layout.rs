@@ -19,7 +19,10 @@ use crate::{
     reflective_shadow_map::ReflectiveShadowMapParams,
     screen_space_gi::params::ScreenSpaceGiParams,
     sender_bounds::SenderBoundsParams,
-    sg_hull::params::{HullSegment, HullVertex, SgHullCounts, SgHullParams},
+    sg_hull::{
+        params::{HullSegment, HullVertex, SgHullCounts, SgHullParams},
+        surfels::SurfelGatherParams,
+    },
     shaders,
     shell_splatter::params::SplatParams,
     soft_shadows::params::SoftShadowsParams,
@@ -260,6 +263,14 @@ fn structs_match_the_shaders() {
     for stage in ["sg_hull_gather", "sg_hull albedo"] {
         check(&ao, stage, "HullVertex", &vertex, size_of::<HullVertex>());
     }
+    let gathered = fields!(SurfelGatherParams: offset, stored, levels, unbounded, seed, world_radius, reach, places);
+    check(
+        &ao,
+        "sg_hull_gather surfels",
+        "SurfelParams",
+        &gathered,
+        size_of::<SurfelGatherParams>(),
+    );
     let light = fields!(PolygonLight: a, red, b, green, c, blue);
     for stage in ["sg_hull_gather polygons", "reflective_shadow_map"] {
         check(

@@ -170,6 +170,7 @@ pub use sg_hull::{
     HullSegment, HullVertex, SgHull, SgHullCounts, SgHullDescriptor, SgHullInput, SgHullView,
     gatherer::{Gatherer, PolygonLight},
     settings::{Components, SgHullSettings, SgHullSize},
+    surfels::SurfelLight,
 };
 pub use shaders::{Shader, shaders};
 pub use shell_splatter::{

@@ -18,6 +18,7 @@ use crate::{
     sg_hull::{
         self, HullStage,
         gatherer::{LIGHTS, POLYGONS},
+        surfels::SURFELS,
     },
     shell_splatter::{self, SplatVariant},
     soft_shadows,
@@ -180,7 +181,11 @@ pub fn shaders(effect: &Effect) -> Result<Vec<Shader>, Error> {
         )?,
         none,
     ));
-    for (gatherer, gatherer_name) in [(POLYGONS, "polygons"), (LIGHTS, "lights")] {
+    for (gatherer, gatherer_name) in [
+        (POLYGONS, "polygons"),
+        (LIGHTS, "lights"),
+        (SURFELS, "surfels"),
+    ] {
         let source = sg_hull::source(gatherer, HullStage::Gather, false)?;
         all.push(shader(
             &format!("sg_hull_gather {gatherer_name}"),

@@ -20,6 +20,7 @@
 #import receiver
 #import surfel
 #import levels
+#import cluster
 
 alias Counter = u32;
 
@@ -42,16 +43,6 @@ struct Params {
   groups: u32,
   first_group: u32,
   padding: u32,
-}
-
-// Bounds of 16 surfels, or of 64 clusters.
-struct Cluster {
-  low: vec3f,
-  // The farthest that one of them reaches; negative where none does.
-  reach: f32,
-  high: vec3f,
-  // Bounds of the normals, rounded outward to multiples of 1/15: six times 5 bits.
-  normals: u32,
 }
 
 #import effect_types
@@ -83,8 +74,6 @@ struct Cluster {
 
 #import effect
 
-const CLUSTER: u32 = 16u;
-const GROUP: u32 = 64u;
 // Stands for infinity; its square is finite.
 const UNBOUNDED: f32 = 1e18;
 // Rounding of positions, relative to their size: what lies this little in front of a surfel is taken to lie in its
@@ -111,10 +100,6 @@ fn shell(sender: Sender) -> vec2f {
 
 fn surfels_in(sub_buffer: u32) -> u32 {
   return surfels_dealt(counters.stored, sub_buffer, params.level);
-}
-
-fn divide_up(a: u32, b: u32) -> u32 {
-  return (a + b - 1u) / b;
 }
 
 fn pack_bounds(low: vec3f, high: vec3f) -> u32 {

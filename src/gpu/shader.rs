@@ -27,6 +27,7 @@ const COMMON: &[(&str, &str)] = &[
     ),
     ("material", include_str!("../../wgsl/common/material.wgsl")),
     ("levels", include_str!("../../wgsl/common/levels.wgsl")),
+    ("cluster", include_str!("../../wgsl/common/cluster.wgsl")),
     ("screen", include_str!("../../wgsl/common/screen.wgsl")),
     (
         "sub_image",

@@ -23,6 +23,7 @@ pub mod shell_splatter;
 pub mod soft_shadows;
 pub mod surfel_shader;
 pub mod surfelizer;
+pub mod surfels;
 pub mod temporal_accumulator;
 pub mod trace;
 pub mod volumetric_obscurance;

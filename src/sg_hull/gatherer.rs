@@ -15,7 +15,7 @@ use crate::{
 
 const LABEL: &str = "deep-screen-space gatherer";
 
-/// A gatherer: the crate's own ([`Gatherer::polygons`], [`Gatherer::lights`]) or one of the caller's.
+/// A gatherer: the crate's own ([`Gatherer::polygons`], [`Gatherer::lights`], [`Gatherer::surfels`]) or one of the caller's.
 ///
 /// Its `source` is WGSL that defines one function over the types of `wgsl/common/lobes.wgsl`, and whatever it binds in
 /// group 1:
@@ -124,11 +124,15 @@ impl Gatherer {
     }
 
     fn bind(&self, device: &Device, buffer: &Buffer) -> Result<BindGroup, Error> {
-        let layout = self.layout.as_ref().ok_or_else(|| Error::Mismatch {
+        let layout = self.bound_layout()?;
+        Ok(binding::group(device, LABEL, layout, &[(0, whole(buffer))]))
+    }
+
+    pub(super) fn bound_layout(&self) -> Result<&BindGroupLayout, Error> {
+        self.layout.as_ref().ok_or_else(|| Error::Mismatch {
             name: "Gatherer",
             found: "no layout".into(),
             needed: "that of a gatherer of the crate's".into(),
-        })?;
-        Ok(binding::group(device, LABEL, layout, &[(0, whole(buffer))]))
+        })
     }
 }

@@ -4,6 +4,7 @@
 pub(crate) mod gatherer;
 pub(crate) mod params;
 pub(crate) mod settings;
+pub(crate) mod surfels;
 
 use glam::DVec3;
 use wgpu::{

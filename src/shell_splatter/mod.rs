@@ -65,10 +65,10 @@ pub struct ShellSplatterDescriptor<'a> {
 /// Bounds of runs of a cloud's surfels on each level. Made once a cloud, for any number of views.
 #[derive(Debug)]
 pub struct SurfelClusters {
-    buffer: Buffer,
+    pub(crate) buffer: Buffer,
     /// Two indirect dispatches a level: for the clusters, and for their groups.
     dispatches: Buffer,
-    places: Vec<LevelPlace>,
+    pub(crate) places: Vec<LevelPlace>,
     capacity: u32,
     /// What the bounds were last recorded for: surfels reach no farther than these settings let them.
     recorded: Option<SplatSettings>,
@@ -78,6 +78,19 @@ impl SurfelClusters {
     /// GPU memory that it owns, bytes.
     pub fn memory_bytes(&self) -> u64 {
         self.buffer.size() + self.dispatches.size()
+    }
+
+    /// That they were recorded with these settings for a cloud of this capacity.
+    pub(crate) fn check(&self, cloud: &SurfelCloud, settings: &SplatSettings) -> Result<(), Error> {
+        check_clusters(cloud, settings, self)?;
+        if self.recorded != Some(bounds_of(settings)) {
+            return Err(Error::Mismatch {
+                name: "SurfelClusters",
+                found: format!("{:?}", self.recorded),
+                needed: format!("recorded with {:?}", bounds_of(settings)),
+            });
+        }
+        Ok(())
     }
 }
 
@@ -418,14 +431,7 @@ impl ShellSplatter {
         check_timestamps(input.timestamps)?;
         let viewport = input.camera.viewport();
         input.gbuffer.validate(viewport)?;
-        check_clusters(input.cloud, settings, input.clusters)?;
-        if input.clusters.recorded != Some(bounds_of(settings)) {
-            return Err(Error::Mismatch {
-                name: "SurfelClusters",
-                found: format!("{:?}", input.clusters.recorded),
-                needed: format!("recorded with {:?}", bounds_of(settings)),
-            });
-        }
+        input.clusters.check(input.cloud, settings)?;
         let materials = self.check_materials(input.materials)?;
         if let Some(work) = &input.work {
             work.validate(viewport)?;

@@ -1,0 +1,137 @@
+//! A lit cloud's surfels as what a hull gathers (`wgsl/gatherers/surfels.wgsl`).
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+use wgpu::{
+    BindGroup, Buffer, BufferUsages, CommandEncoder, Device, ShaderStages,
+    util::{BufferInitDescriptor, DeviceExt},
+};
+
+use super::gatherer::Gatherer;
+use crate::{
+    error::Error,
+    geometry::{check_size, check_usage},
+    gpu::binding::{self, READ, UNIFORM, whole},
+    shell_splatter::{
+        SurfelClusters,
+        params::UNBOUNDED,
+        settings::{MAX_LEVELS, MIN_EPSILON, SplatSettings},
+    },
+    surfel::{SurfelCloud, SurfelCounts},
+    surfel_shader::radiance_bytes,
+};
+
+pub(crate) const SURFELS: &str = include_str!("../../wgsl/gatherers/surfels.wgsl");
+
+const LABEL: &str = "deep-screen-space surfel gatherer";
+
+/// A lit cloud, for [`Gatherer::bind_surfels`].
+#[derive(Clone, Copy, Debug)]
+pub struct SurfelLight<'a> {
+    /// The surfels.
+    pub cloud: &'a SurfelCloud,
+    /// Their clusters, recorded with `settings` for an effect that reaches as
+    /// [`AmbientOcclusion`](crate::AmbientOcclusion) does, `r √(1/ε − 1)`.
+    pub clusters: &'a SurfelClusters,
+    /// A [`SurfelRadiance`](crate::SurfelRadiance) for each surfel that there is room for, usage `STORAGE`: what a
+    /// [`SurfelShader`](crate::SurfelShader) writes.
+    pub radiance: &'a Buffer,
+    /// How exactly. On level l a vertex gathers from one surfel in 4^l, chosen by its position and the seed: with one level
+    /// from all of them. More levels are faster and leave noise from vertex to vertex, which nothing smooths.
+    pub settings: SplatSettings,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct SurfelGatherParams {
+    pub(crate) offset: [f32; 3],
+    pub(crate) stored: u32,
+    pub(crate) levels: u32,
+    pub(crate) unbounded: u32,
+    pub(crate) seed: u32,
+    pub(crate) world_radius: f32,
+    pub(crate) reach: f32,
+    padding: [u32; 3],
+    pub(crate) places: [[u32; 4]; MAX_LEVELS as usize],
+}
+
+impl Gatherer {
+    /// The surfels of a lit cloud, both sides of each, by point-to-disk form factors and without shadows: one bounce of what
+    /// they send, as the splatter sums it. What lies behind other surfaces shines through them; a convex room is exact.
+    pub fn surfels(device: &Device) -> Self {
+        let stages = ShaderStages::COMPUTE | ShaderStages::FRAGMENT;
+        let entries = [(0, UNIFORM), (1, READ), (2, READ), (3, READ), (4, READ)];
+        Self {
+            label: "surfels".into(),
+            source: SURFELS.into(),
+            layout: Some(binding::layout(device, LABEL, stages, &entries)),
+            constants: Vec::new(),
+        }
+    }
+
+    /// What [`Gatherer::surfels`] binds, for positions relative to `origin`
+    /// ([`SgHullInput::origin`](crate::SgHullInput::origin)). Records a copy of how many surfels there are: after the
+    /// recordings of cloud, clusters and radiance, before that of the hull.
+    ///
+    /// # Errors
+    /// What [`SplatSettings::validate`] finds; [`Error::Mismatch`] for clusters of another cloud's capacity or recorded with
+    /// other settings (but for the seed), and for another gatherer; [`Error::Buffer`] for radiance that is too small or lacks
+    /// usage `STORAGE`.
+    pub fn bind_surfels(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        light: &SurfelLight<'_>,
+        origin: DVec3,
+    ) -> Result<BindGroup, Error> {
+        let SurfelLight {
+            cloud,
+            clusters,
+            radiance,
+            settings,
+        } = light;
+        settings.validate()?;
+        clusters.check(cloud, settings)?;
+        check_usage("SurfelLight::radiance", radiance)?;
+        check_size("SurfelLight::radiance", radiance, radiance_bytes(cloud))?;
+        let layout = self.bound_layout()?;
+        let params = SurfelGatherParams::new(settings, clusters, origin - cloud.origin());
+        let params = device.create_buffer_init(&BufferInitDescriptor {
+            label: Some(LABEL),
+            contents: bytemuck::bytes_of(&params),
+            usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
+        });
+        let from = std::mem::offset_of!(SurfelCounts, stored) as u64;
+        let to = std::mem::offset_of!(SurfelGatherParams, stored) as u64;
+        encoder.copy_buffer_to_buffer(&cloud.counters, from, &params, to, Some(4));
+        let resources = [
+            (0, whole(&params)),
+            (1, whole(&cloud.surfels)),
+            (2, whole(&cloud.sources)),
+            (3, whole(radiance)),
+            (4, whole(&clusters.buffer)),
+        ];
+        Ok(binding::group(device, LABEL, layout, &resources))
+    }
+}
+
+impl SurfelGatherParams {
+    fn new(settings: &SplatSettings, clusters: &SurfelClusters, offset: DVec3) -> Self {
+        let mut places = [[0; 4]; MAX_LEVELS as usize];
+        for (place, p) in places.iter_mut().zip(&clusters.places) {
+            *place = [p.clusters, p.first_cluster, p.groups, p.first_group];
+        }
+        let epsilon = settings.epsilon.clamp(MIN_EPSILON, UNBOUNDED);
+        Self {
+            offset: offset.as_vec3().to_array(),
+            stored: 0,
+            levels: settings.levels,
+            unbounded: u32::from(settings.unbounded),
+            seed: settings.seed,
+            world_radius: settings.radius.min(UNBOUNDED),
+            reach: (1.0 / epsilon - 1.0).max(0.0).sqrt(),
+            padding: [0; 3],
+            places,
+        }
+    }
+}
