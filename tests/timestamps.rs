@@ -49,12 +49,12 @@ impl Times {
         Some(Self { set, count })
     }
 
-    fn stamps(&self, recording: u32) -> Option<Timestamps<'_>> {
-        Some(Timestamps {
+    fn stamps(&self, recording: u32) -> Timestamps<'_> {
+        Timestamps {
             set: &self.set,
             begin: 2 * recording,
             end: 2 * recording + 1,
-        })
+        }
     }
 
     /// Submits, and finds all of them written.
@@ -145,7 +145,7 @@ fn recordings_from_surfels_write_their_times() {
             ..
         })
     ));
-    surfelize(&mut encoder, times.stamps(0)).expect("surfels");
+    surfelize(&mut encoder, Some(times.stamps(0))).expect("surfels");
     let materials = gpu.buffer(&scene.material_table(), wgpu::BufferUsages::STORAGE);
     let radiance = shader.create_radiance(device, &cloud).expect("room");
     let input = SurfelShaderInput {
@@ -153,7 +153,7 @@ fn recordings_from_surfels_write_their_times() {
         materials: &materials,
         lights: &[],
         radiance: &radiance,
-        timestamps: times.stamps(4),
+        timestamps: Some(times.stamps(4)),
     };
     shader
         .record(
@@ -166,7 +166,7 @@ fn recordings_from_surfels_write_their_times() {
     let input = ClusterInput {
         cloud: &cloud,
         materials: None,
-        timestamps: times.stamps(1),
+        timestamps: Some(times.stamps(1)),
     };
     splatter
         .record_clusters(device, &mut encoder, &input, &settings, &mut clusters)
@@ -178,7 +178,7 @@ fn recordings_from_surfels_write_their_times() {
         clusters: &clusters,
         materials: None,
         work: None,
-        timestamps: times.stamps(2),
+        timestamps: Some(times.stamps(2)),
     };
     splatter
         .record(device, &mut encoder, &input, &settings, &sums)
@@ -191,7 +191,7 @@ fn recordings_from_surfels_write_their_times() {
         levels: 5,
         target: &target,
         sub_image: None,
-        timestamps: times.stamps(3),
+        timestamps: Some(times.stamps(3)),
     };
     reconstructor
         .record(
@@ -215,7 +215,7 @@ fn recordings_from_surfels_write_their_times() {
         picture: &target,
         target: &target,
         reset: false,
-        timestamps: times.stamps(5),
+        timestamps: Some(times.stamps(5)),
     };
     let settings = TemporalSettings::default();
     accumulator
@@ -226,7 +226,7 @@ fn recordings_from_surfels_write_their_times() {
     let bounds = tracer.create_bounds(device, &cloud).expect("bounds");
     let hits = tracer.create_view(device, 16, 16, 16).expect("a view");
     tracer
-        .record_bounds(device, &mut encoder, &cloud, &bounds, times.stamps(6))
+        .record_bounds(device, &mut encoder, &cloud, &bounds, Some(times.stamps(6)))
         .expect("bounds");
     let input = BouncedInput {
         lighting: None,
@@ -235,7 +235,7 @@ fn recordings_from_surfels_write_their_times() {
         cloud: &cloud,
         bounds: &bounds,
         radiance: None,
-        timestamps: times.stamps(7),
+        timestamps: Some(times.stamps(7)),
         roughness: None,
     };
     let traced = BouncedSettings::default();
@@ -257,7 +257,7 @@ fn recordings_from_surfels_write_their_times() {
         hits: &hits,
         traced: &traced,
         target: &target,
-        timestamps: times.stamps(8),
+        timestamps: Some(times.stamps(8)),
         roughness: None,
     };
     let settings = HitReconstructorSettings::default();
@@ -289,7 +289,7 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
         shading: None,
         edges: None,
         importance: None,
-        timestamps: times.stamps(0),
+        timestamps: Some(times.stamps(0)),
     };
     mask.record(device, &mut encoder, &input, &levels, &mut masks)
         .expect("masks");
@@ -310,7 +310,7 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
             gbuffer.depth,
             &camera,
             &moments,
-            times.stamps(1),
+            Some(times.stamps(1)),
         )
         .expect("moments");
     let input = ObscuranceInput {
@@ -320,7 +320,7 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
         moments: Some(&moments),
         work: None,
         target: &target,
-        timestamps: times.stamps(2),
+        timestamps: Some(times.stamps(2)),
     };
     obscurance
         .record(device, &mut encoder, &input, &ObscuranceSettings::default())
@@ -351,7 +351,7 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
         map: ShadowMap::new(&map, &cameras),
         work: None,
         target: &target,
-        timestamps: times.stamps(3),
+        timestamps: Some(times.stamps(3)),
     };
     SoftShadows::new(device, None)
         .expect("pipelines")
@@ -371,7 +371,7 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
         lit: &shot.albedo,
         work: None,
         target: &light_of,
-        timestamps: times.stamps(4),
+        timestamps: Some(times.stamps(4)),
     };
     ScreenSpaceGi::new(device, None)
         .expect("pipelines")
@@ -394,7 +394,7 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
         masks: &masks,
         images: &images,
         target: &picture,
-        timestamps: times.stamps(5),
+        timestamps: Some(times.stamps(5)),
     };
     blend
         .record(
@@ -412,7 +412,7 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
         camera: &camera,
         light,
         origin: camera.eye(),
-        timestamps: times.stamps(6),
+        timestamps: Some(times.stamps(6)),
     };
     map.record(device, &mut encoder, &input, &lights)
         .expect("lights");
@@ -441,7 +441,7 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
         origin: camera.eye(),
         gather: Some(&gather),
         target: &target,
-        timestamps: times.stamps(7),
+        timestamps: Some(times.stamps(7)),
     };
     hull.record(
         device,
