@@ -194,7 +194,7 @@ impl Passes {
 fn see(from: DVec3, along: DVec3) -> Option<(DVec3, DVec3)> {
     let plane = |point: DVec3, normal: DVec3| {
         let t = (point - from).dot(normal) / along.dot(normal);
-        (t > 0.0 && t < 100.0).then(|| (t, normal))
+        (t > 0.0 && t < 100.0).then_some((t, normal))
     };
     let center = DVec3::new(0.2, -0.4, -4.0);
     let ball = {
@@ -268,7 +268,7 @@ fn world(gpu: &Gpu, projection: DMat4, size: [u32; 2], scale: f64, place: DVec3)
 }
 
 fn stripes(i: u32) -> [f32; 4] {
-    let on = f32::from(u8::from(i / 5 % 2 == 0));
+    let on = f32::from(u8::from((i / 5).is_multiple_of(2)));
     [on, 1.0 - on, 0.5, 1.0]
 }
 
