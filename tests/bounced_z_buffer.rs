@@ -1,6 +1,7 @@
 //! The `BouncedZBuffer`: directions by themselves, GPU against the f64 mirror, nothing that leaks, and typed errors.
 
 mod rays;
+mod refusals;
 mod shot;
 
 #[path = "../examples/support/mod.rs"]
@@ -23,6 +24,7 @@ use deep_screen_space::{
     wgpu,
 };
 use rays::{AMPLE, differing_bits, lab, moved, scene_of, triangles};
+use refusals::fields_refused;
 use shot::{Shot, camera_of};
 use support::{raster::perspective, scene::SceneBuffers};
 
@@ -922,7 +924,7 @@ fn settings_out_of_range_are_typed_errors() {
     ] {
         assert_eq!(good.validate(), Ok(()), "{good:?}");
     }
-    for (bad, named) in [
+    let bad = [
         (
             BouncedSettings {
                 directions: 65,
@@ -972,12 +974,8 @@ fn settings_out_of_range_are_typed_errors() {
             },
             "BouncedSettings::background",
         ),
-    ] {
-        match bad.validate() {
-            Err(Error::Setting { field, .. }) => assert_eq!(field, named, "{bad:?}"),
-            other => panic!("{bad:?}: {other:?}"),
-        }
-    }
+    ];
+    fields_refused(bad, BouncedSettings::validate);
 }
 
 #[test]

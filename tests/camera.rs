@@ -4,6 +4,7 @@
 #![allow(clippy::float_cmp)]
 
 mod passes;
+mod refusals;
 #[path = "../examples/support/mod.rs"]
 mod support;
 
@@ -23,6 +24,7 @@ use deep_screen_space::{
     wgpu::{self, TextureFormat as Format, TextureUsages},
 };
 use passes::{Passes, descriptor, receivers, texture};
+use refusals::refused;
 use support::gpu::{Ask, Gpu};
 
 fn gpu() -> Gpu {
@@ -940,19 +942,6 @@ fn depths_that_no_camera_gives_are_sky_or_finite() {
             }
         }
     }
-}
-
-/// A typed error of the right kind, naming the thing.
-#[track_caller]
-fn refused(result: Result<(), Error>, kind: &str, thing: &str, accepted: &str) {
-    let error = result.expect_err(thing);
-    let debug = format!("{error:?}");
-    let text = error.to_string();
-    assert!(debug.starts_with(kind), "{debug}, expected {kind}");
-    assert!(
-        text.contains(thing) && text.contains(accepted),
-        "{text}: names {thing}, {accepted}"
-    );
 }
 
 /// What is refused of a G-buffer that is good but for one view.

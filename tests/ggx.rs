@@ -1,12 +1,10 @@
 //! Glossy lobes: sample, density and value against each other, against closed forms, and the GPU against its mirror.
 
+mod kernel;
 #[path = "../examples/support/mod.rs"]
 mod support;
 
-use std::{
-    f64::consts::{LN_2, PI, TAU},
-    fmt::Write,
-};
+use std::f64::consts::{LN_2, PI, TAU};
 
 use deep_screen_space::{
     glam::{DVec2, DVec3},
@@ -14,7 +12,6 @@ use deep_screen_space::{
         ggx::Lobe,
         hashing::{hash2, unit_float},
     },
-    wgpu::{self, BufferUsages},
 };
 use support::gpu::{Ask, Gpu};
 
@@ -285,58 +282,14 @@ struct Found {
 
 /// The functions of `wgsl/common/ggx.wgsl` alone.
 fn evaluate(gpu: &Gpu, cases: &[Case]) -> Vec<Found> {
-    let device = &gpu.device;
-    let mut source = String::new();
-    for text in [
+    let sources = [
         include_str!("../wgsl/common/math.wgsl"),
         include_str!("../wgsl/common/hashing.wgsl"),
         include_str!("../wgsl/common/directions.wgsl"),
         include_str!("../wgsl/common/ggx.wgsl"),
         KERNEL,
-    ] {
-        writeln!(source, "{text}").expect("a string grows");
-    }
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: None,
-        source: wgpu::ShaderSource::Wgsl(source.into()),
-    });
-    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: None,
-        layout: None,
-        module: &module,
-        entry_point: Some("run"),
-        compilation_options: wgpu::PipelineCompilationOptions::default(),
-        cache: None,
-    });
-    let input = gpu.buffer(cases, BufferUsages::STORAGE);
-    let output = device.create_buffer(&wgpu::BufferDescriptor {
-        label: None,
-        size: (cases.len() * size_of::<Found>()) as u64,
-        usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC,
-        mapped_at_creation: false,
-    });
-    let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: None,
-        layout: &pipeline.get_bind_group_layout(0),
-        entries: &[
-            wgpu::BindGroupEntry {
-                binding: 0,
-                resource: input.as_entire_binding(),
-            },
-            wgpu::BindGroupEntry {
-                binding: 1,
-                resource: output.as_entire_binding(),
-            },
-        ],
-    });
-    let mut encoder = gpu.encoder();
-    let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-    pass.set_pipeline(&pipeline);
-    pass.set_bind_group(0, &group, &[]);
-    pass.dispatch_workgroups((cases.len() as u32).div_ceil(64), 1, 1);
-    drop(pass);
-    gpu.finish(encoder);
-    gpu.read_buffer(&output)
+    ];
+    kernel::evaluate(gpu, &sources, cases, 64)
 }
 
 fn case(normal: DVec3, to_eye: DVec3, roughness: f32, point: [f32; 2]) -> Case {

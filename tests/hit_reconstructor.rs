@@ -1,6 +1,7 @@
 //! The `HitReconstructor` against its f64 mirror, and with the bounced z-buffer before it against the ray tracer.
 
 mod rays;
+mod refusals;
 mod shot;
 
 #[path = "../examples/support/mod.rs"]
@@ -17,6 +18,7 @@ use deep_screen_space::{
     wgpu,
 };
 use rays::{AMPLE, Senders, lab, triangles};
+use refusals::fields_refused;
 use shot::{Shot, camera_of};
 use support::raster::perspective;
 
@@ -648,7 +650,7 @@ fn settings_out_of_range_are_typed_errors() {
     ] {
         assert_eq!(good.validate(), Ok(()), "{good:?}");
     }
-    for (bad, named) in [
+    let bad = [
         (
             HitReconstructorSettings { radius: 17, ..good },
             "HitReconstructorSettings::radius",
@@ -702,12 +704,8 @@ fn settings_out_of_range_are_typed_errors() {
             },
             "HitReconstructorSettings::deviations",
         ),
-    ] {
-        match bad.validate() {
-            Err(Error::Setting { field, .. }) => assert_eq!(field, named, "{bad:?}"),
-            other => panic!("{bad:?}: {other:?}"),
-        }
-    }
+    ];
+    fields_refused(bad, HitReconstructorSettings::validate);
 }
 
 #[test]

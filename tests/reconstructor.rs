@@ -7,11 +7,12 @@
 #![allow(clippy::float_cmp)]
 
 mod passes;
+mod refusals;
 #[path = "../examples/support/mod.rs"]
 mod support;
 
 use deep_screen_space::{
-    AmbientOcclusion, Camera, Channels, Effect, Error, GBuffer, NormalEncoding, NormalSpace,
+    AmbientOcclusion, Camera, Channels, Effect, GBuffer, NormalEncoding, NormalSpace,
     Reconstructor, ReconstructorInput, ReconstructorSettings, ReconstructorView, SplatView,
     Viewport,
     glam::{DVec3, dcamera::rh::proj::directx as right},
@@ -19,6 +20,7 @@ use deep_screen_space::{
     wgpu::{self, TextureFormat as Format, TextureUsages},
 };
 use passes::{Passes, descriptor, effect, receivers, texture};
+use refusals::refused;
 use support::gpu::{Ask, Gpu};
 
 fn gpu() -> Gpu {
@@ -782,20 +784,6 @@ fn from_half(bits: u16) -> f32 {
         return 0.0;
     }
     f32::from_bits((u32::from(bits) << 13) + ((127 - 15) << 23))
-}
-
-#[track_caller]
-fn refused<T>(result: Result<T, Error>, kind: &str, thing: &str, accepted: &str) {
-    let Err(error) = result else {
-        panic!("{thing} was accepted");
-    };
-    let debug = format!("{error:?}");
-    let text = error.to_string();
-    assert!(debug.starts_with(kind), "{debug}, expected {kind}");
-    assert!(
-        text.contains(thing) && text.contains(accepted),
-        "{text}: names {thing}, {accepted}"
-    );
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Spherical Gaussians: closed forms against quadrature, f32 and the GPU against f64, estimates against each other, and
 //! every extreme.
 
+mod kernel;
 #[path = "../examples/support/mod.rs"]
 mod support;
 
@@ -13,7 +14,6 @@ use deep_screen_space::{
         DLightMoments, DSphericalGaussian as Lobe, Estimate, LightMoments, MAX_ESTIMATE,
         SphericalGaussian,
     },
-    wgpu::{self, BufferUsages},
 };
 use support::gpu::{Ask, Gpu};
 
@@ -462,49 +462,12 @@ struct Found {
 }
 
 fn evaluate(gpu: &Gpu, cases: &[[f32; 4]]) -> Vec<Found> {
-    let device = &gpu.device;
-    let source = [
+    let sources = [
         include_str!("../wgsl/common/math.wgsl"),
         include_str!("../wgsl/common/spherical_gaussian.wgsl"),
         KERNEL,
-    ]
-    .join("\n");
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: None,
-        source: wgpu::ShaderSource::Wgsl(source.into()),
-    });
-    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: None,
-        layout: None,
-        module: &module,
-        entry_point: Some("run"),
-        compilation_options: wgpu::PipelineCompilationOptions::default(),
-        cache: None,
-    });
-    let input = gpu.buffer(cases, BufferUsages::STORAGE);
-    let output = device.create_buffer(&wgpu::BufferDescriptor {
-        label: None,
-        size: (cases.len() * size_of::<Found>()) as u64,
-        usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC,
-        mapped_at_creation: false,
-    });
-    let entries = [&input, &output];
-    let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: None,
-        layout: &pipeline.get_bind_group_layout(0),
-        entries: &[0, 1].map(|i| wgpu::BindGroupEntry {
-            binding: i,
-            resource: entries[i as usize].as_entire_binding(),
-        }),
-    });
-    let mut encoder = gpu.encoder();
-    let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-    pass.set_pipeline(&pipeline);
-    pass.set_bind_group(0, &group, &[]);
-    pass.dispatch_workgroups((cases.len() as u32).div_ceil(64), 1, 1);
-    drop(pass);
-    gpu.finish(encoder);
-    gpu.read_buffer(&output)
+    ];
+    kernel::evaluate(gpu, &sources, cases, 64)
 }
 
 #[test]

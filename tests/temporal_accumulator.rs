@@ -4,6 +4,7 @@
 //! absent (NaN), which shows the reprojected history alone.
 
 mod passes;
+mod refusals;
 #[path = "../examples/support/mod.rs"]
 mod support;
 
@@ -20,6 +21,7 @@ use deep_screen_space::{
     wgpu::{self, TextureFormat as Format, TextureUsages},
 };
 use passes::{descriptor, texture};
+use refusals::refused;
 use support::gpu::{Ask, Gpu};
 
 fn gpu() -> Gpu {
@@ -1484,20 +1486,6 @@ fn clamping_follows_the_light_and_costs_bias() {
     // With it the light is followed, and rare noise loses a part of its mean.
     assert!(all[2].1.1 < 0.1, "{:?}", all[2]);
     assert!(all[5].0.0 < -0.005, "{:?}", all[5]);
-}
-
-#[track_caller]
-fn refused<T>(result: Result<T, Error>, kind: &str, thing: &str, accepted: &str) {
-    let Err(error) = result else {
-        panic!("{thing} was accepted");
-    };
-    let debug = format!("{error:?}");
-    let text = error.to_string();
-    assert!(debug.starts_with(kind), "{debug}, expected {kind}");
-    assert!(
-        text.contains(thing) && text.contains(accepted),
-        "{text}: names {thing}, {accepted}"
-    );
 }
 
 #[test]
