@@ -12,7 +12,7 @@ use std::f64::consts::FRAC_PI_3;
 
 use NormalEncoding::{Octahedral, OctahedralUnsigned, Signed, Unsigned};
 use deep_screen_space::{
-    AmbientOcclusion, Camera, Error, GBuffer, NormalEncoding, NormalSpace, Viewport,
+    AmbientOcclusion, Camera, GBuffer, NormalEncoding, NormalSpace, Viewport,
     glam::{
         DMat3, DMat4, DVec2, DVec3, DVec4,
         dcamera::{

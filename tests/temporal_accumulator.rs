@@ -9,8 +9,8 @@ mod refusals;
 mod support;
 
 use deep_screen_space::{
-    Camera, Channels, Error, GBuffer, MotionVectors, NormalEncoding, NormalSpace,
-    TemporalAccumulator, TemporalHistory, TemporalInput, TemporalSettings, Viewport,
+    Camera, Channels, GBuffer, MotionVectors, NormalEncoding, NormalSpace, TemporalAccumulator,
+    TemporalHistory, TemporalInput, TemporalSettings, Viewport,
     glam::{DMat4, DVec2, DVec3, dcamera::rh::proj::directx as right},
     reference::{
         hashing,
