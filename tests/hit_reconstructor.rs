@@ -87,15 +87,9 @@ fn color(c: [f32; 4]) -> DVec3 {
 }
 
 /// GPU and mirror take the same hits, and differ by f32's rounding: of a sum of a thousand terms some 1e-6 of it, and of
-/// weights that fall off steeply some times that. `(per pixel, relative to the brightest; share of pixels beyond)`. Hit
-/// by hit a direction counts by the ratio of two cosines, of which f32 leaves few digits near the horizon; and a normal
-/// of which z is 0 but for rounding may get the other one of two tangent frames, and with it other directions.
-const OFF: f64 = 1e-5;
-const FARTHER: f64 = 0.0;
-const FARTHER_DEFERRED: f64 = 0.05;
-/// And no pixel farther than this. Measured at 0.076, beside a level normal with other directions altogether, of which the
-/// few pixels that share a pillar's curve with it count four each.
-const FARTHEST: f64 = 0.1;
+/// weights that fall off steeply, or ratios of cosines near the horizon, some times that. No pixel is farther off, relative
+/// to the brightest.
+const OFF: f64 = 2e-5;
 
 #[test]
 fn reconstruction_is_the_mirrors() {
@@ -198,7 +192,7 @@ fn reconstruction_is_the_mirrors() {
                         .iter()
                         .map(|c| c.max_element())
                         .fold(1e-3, f64::max);
-                    let (mut worst, mut farthest, mut farther) = (0.0_f64, 0.0_f64, 0);
+                    let mut worst = 0.0_f64;
                     for (i, (found, expected)) in found.iter().zip(&expected).enumerate() {
                         let expected = match (*expected, payload) {
                             (None, Payload::Occlusion) => DVec3::ONE,
@@ -208,27 +202,14 @@ fn reconstruction_is_the_mirrors() {
                         };
                         let off = (color(*found) - expected).abs().max_element() / brightest;
                         assert_eq!(found[3], 1.0);
-                        farthest = farthest.max(off);
-                        if off > OFF {
-                            farther += 1;
-                        } else {
-                            worst = worst.max(off);
-                        }
+                        worst = worst.max(off);
                     }
                     let inputs = format!(
                         "{} {payload:?} {sampling:?} deferred {deferred} {directions} {settings:?}",
                         scene.name
                     );
-                    println!(
-                        "{inputs}: worst {worst:.1e}, {farther} of {}, farthest {farthest:.1e}",
-                        found.len()
-                    );
-                    let share = if deferred { FARTHER_DEFERRED } else { FARTHER };
-                    assert!(
-                        f64::from(farther) <= share * found.len() as f64 && farthest <= FARTHEST,
-                        "{inputs}: {farther} of {}, farthest {farthest}",
-                        found.len()
-                    );
+                    println!("{inputs}: worst {worst:.1e}");
+                    assert!(worst <= OFF, "{inputs}: {worst:.1e}");
                 }
             }
         }

@@ -67,9 +67,10 @@ pub fn concentric_disk(square: DVec2) -> DVec2 {
     radius * DVec2::from_angle(angle)
 }
 
-/// Two unit vectors that complete n to a right-handed frame (Duff et al. 2017).
+/// Two unit vectors that complete n to a right-handed frame (Duff et al. 2017). It turns over where n.z is −0.2, where few
+/// walls face: at 0, where theirs do, rounding would decide for those along an axis.
 pub fn tangent_frame(n: DVec3) -> DMat3 {
-    let s = if n.z >= 0.0 { 1.0 } else { -1.0 };
+    let s = if n.z >= -0.2 { 1.0 } else { -1.0 };
     let a = -1.0 / (s + n.z);
     let b = n.x * n.y * a;
     DMat3::from_cols(

@@ -24,9 +24,10 @@ fn normalize_or(v: vec3f, fallback: vec3f) -> vec3f {
   return normalize(v / scale);
 }
 
-// Two unit vectors that complete n to a right-handed frame (Duff et al. 2017).
+// Two unit vectors that complete n to a right-handed frame (Duff et al. 2017). It turns over where n.z is -0.2, where few
+// walls face: at 0, where theirs do, rounding would decide for those along an axis.
 fn tangent_frame(n: vec3f) -> mat3x3f {
-  let s = select(-1.0, 1.0, n.z >= 0.0);
+  let s = select(-1.0, 1.0, n.z >= -0.2);
   let a = -1.0 / (s + n.z);
   let b = n.x * n.y * a;
   return mat3x3f(vec3f(1.0 + s * n.x * n.x * a, s * b, -s * n.x), vec3f(b, s + n.y * n.y * a, -n.y), n);
