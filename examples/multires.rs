@@ -13,7 +13,7 @@ use deep_screen_space::scenes;
 use support::{
     files,
     gpu::{Ask, Gpu},
-    multires::{Effect, Masked, Passes, Stage, read_image, rmse},
+    multires::{Effect, Masked, Passes, Stage, read_blocks, read_image, rmse},
 };
 
 const SIZE: [u32; 2] = [960, 540];
@@ -68,8 +68,8 @@ fn show(
         else {
             continue;
         };
-        let mask: Vec<f32> = gpu.read_texture(mask.texture(), 0);
         let size = SIZE.map(|n| n.div_ceil(1 << level));
+        let mask = read_blocks(gpu, mask, size);
         let part: Vec<[f32; 3]> = read_image(gpu, image)
             .into_iter()
             .zip(&mask)

@@ -119,8 +119,9 @@ fn structs_match_the_shaders() {
         &after(&fields!(ListedReceiversParams: level)),
         size_of::<ListedReceiversParams>(),
     );
-    let edges =
-        after(&fields!(EdgeParams: normal_threshold, depth_threshold, shading_threshold, sources));
+    let edges = after(
+        &fields!(EdgeParams: scale, slope, normal_threshold, depth_threshold, shading_threshold, sources),
+    );
     check(
         &ao,
         "multi_res_mask edges",
@@ -128,16 +129,15 @@ fn structs_match_the_shaders() {
         &edges,
         size_of::<EdgeParams>(),
     );
-    let level = fields!(LevelParams: size, tiles, finer_size, finer_by, radius, falloff, threshold, everything,
-        first_tile);
-    for stage in ["widen", "list", "stamp"] {
+    let level = fields!(LevelParams: size, tiles, first_tile, finer_by, reach, threshold, bell);
+    for stage in ["widen", "list"] {
         let shader = format!("multi_res_mask {stage}");
         check(&ao, &shader, "Params", &level, size_of::<LevelParams>());
     }
     let blend = after(
-        &fields!(MultiResReconstructorParams: weights, levels, coarsest, plane_distance, normal_power, alike),
+        &fields!(MultiResReconstructorParams: level, coarser, weight, plane_distance, normal_power, has_own),
     );
-    for shader in ["multi_res_reconstructor", "multi_res_reconstructor color"] {
+    for shader in ["multi_res_reconstructor", "multi_res_reconstructor blend"] {
         check(
             &ao,
             shader,

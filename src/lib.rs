@@ -151,8 +151,9 @@ pub use hit_reconstructor::{
 };
 pub use light::Light;
 pub use multi_res_mask::{
-    MultiResMask, MultiResMaskInput, MultiResView,
+    MultiResMask, MultiResMaskInput,
     settings::{MultiResLevel, MultiResMaskSettings},
+    view::MultiResView,
 };
 pub use multi_res_reconstructor::{
     MultiResReconstructor, MultiResReconstructorInput, SubImages,

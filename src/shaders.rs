@@ -225,23 +225,35 @@ pub fn shaders(effect: &Effect) -> Result<Vec<Shader>, Error> {
         let source = temporal_accumulator::source(effect.channels, variant)?;
         all.push(shader(name, source, none));
     }
+    for shading in [false, true] {
+        for given in [false, true] {
+            let name = format!(
+                "multi_res_mask edges{}{}",
+                if shading { " shading" } else { "" },
+                if given { " given" } else { "" }
+            );
+            let source = multi_res_mask::source(MaskStage::Edges { shading, given })?;
+            all.push(shader(&name, source, none));
+        }
+    }
     for (name, stage) in [
-        ("multi_res_mask edges", MaskStage::Edges),
-        ("multi_res_mask widen", MaskStage::Widen),
+        ("multi_res_mask coarsen", MaskStage::Coarsen),
+        ("multi_res_mask widen", MaskStage::Widen { finer: false }),
+        (
+            "multi_res_mask widen finer",
+            MaskStage::Widen { finer: true },
+        ),
         ("multi_res_mask list", MaskStage::List),
         ("multi_res_mask stamp", MaskStage::Stamp),
     ] {
         all.push(shader(name, multi_res_mask::source(stage)?, none));
     }
-    for (name, channels) in [
-        ("multi_res_reconstructor", Channels::One),
-        ("multi_res_reconstructor color", Channels::Three),
-    ] {
-        all.push(shader(
-            name,
-            multi_res_reconstructor::source(channels)?,
-            none,
-        ));
+    for (channels, channels_name) in [(Channels::One, ""), (Channels::Three, " color")] {
+        for (blend, blend_name) in [(false, ""), (true, " blend")] {
+            let name = format!("multi_res_reconstructor{blend_name}{channels_name}");
+            let source = multi_res_reconstructor::source(channels, blend)?;
+            all.push(shader(&name, source, none));
+        }
     }
     for (list, list_name) in [(false, ""), (true, " list")] {
         let shadows = soft_shadows::source(list)?;

@@ -271,7 +271,8 @@ fn gpu_is_its_mirror() {
 /// A level in which what is listed counts alone.
 const WHOLE: MultiResLevel = MultiResLevel::new(1.0, f32::INFINITY);
 
-/// With a full mask and weights without end the image of full resolution comes out, bit by bit; with an empty mask the coarsest.
+/// With a full mask and weights without end the image of full resolution comes out, bit by bit; with an empty mask the
+/// coarsest.
 #[test]
 fn full_and_empty_masks() {
     let gpu = gpu();
@@ -296,10 +297,13 @@ fn full_and_empty_masks() {
     let found = wired.image(&frame, &masks, &images);
     assert_eq!(Some(found), held[0]);
 
+    // Between two levels the coarser one's own pixels are what they were.
+    let mut two = settings;
+    (two.levels[1], two.levels[2]) = (None, None);
     let mut input = frame.input();
     input.importance = Some(&empty);
-    let masks = record(&gpu, &wired.mask, &input, &settings);
-    let (images, held) = wired.images(&masks, &settings, value);
+    let masks = record(&gpu, &wired.mask, &input, &two);
+    let (images, held) = wired.images(&masks, &two, value);
     let found = wired.image(&frame, &masks, &images);
     let coarsest = held[3].as_ref().expect("the coarsest");
     let [columns, rows] = size_of(frame.size(), 3);
@@ -313,6 +317,12 @@ fn full_and_empty_masks() {
         exact += 1;
     }
     assert_eq!(exact, 48);
+
+    // By steps corners are cut, and nothing is beyond what the coarsest level has.
+    let masks = record(&gpu, &wired.mask, &input, &settings);
+    let (images, held) = wired.images(&masks, &settings, value);
+    let found = wired.image(&frame, &masks, &images);
+    let coarsest = held[3].as_ref().expect("the coarsest");
     let range = |values: &[DVec3]| {
         let least = values.iter().fold(f64::MAX, |m, v| m.min(v.x));
         (least, values.iter().fold(f64::MIN, |m, v| m.max(v.x)))
@@ -323,6 +333,36 @@ fn full_and_empty_masks() {
             .iter()
             .all(|v| (low - 1e-6..=high + 1e-6).contains(&v.x))
     );
+}
+
+/// A ramp over the image comes out of the coarsest level as it went in: steps between levels move nothing.
+#[test]
+fn ramps_stay() {
+    let gpu = gpu();
+    let wired = Wired::new(&gpu, Channels::One);
+    let size = [64, 48];
+    let camera = camera(
+        right::perspective_infinite_reverse(1.0, 1.4, 0.1),
+        Viewport::full(size[0], size[1]),
+    );
+    // A wall without an edge.
+    let frame = Frame::cast(&gpu, &camera, Format::R32Float, |_, from, along| {
+        Some((from + (-5.0 - from.z) / along.z * along, DVec3::Z))
+    });
+    let settings = MultiResMaskSettings::OCCLUSION;
+    let masks = record(&gpu, &wired.mask, &frame.input(), &settings);
+    let ramp = |[x, y]: [u32; 2]| f64::from(x) / 64.0 + f64::from(y) / 256.0;
+    let (images, _) = wired.images(&masks, &settings, |level, at| {
+        DVec3::splat(ramp(stands_for(at, level, size)))
+    });
+    let found = wired.image(&frame, &masks, &images);
+    // As far from the border as the coarsest level's outermost pixels, and as a step cuts their corners.
+    for [x, y] in (0..64 * 48).map(|i| [i % 64, i / 64]) {
+        if (8..52).contains(&x) && (8..36).contains(&y) {
+            let off = (found[(y * 64 + x) as usize].x - ramp([x, y])).abs();
+            assert!(off < 1e-6, "{x}, {y}: {off}");
+        }
+    }
 }
 
 /// A floor, a wall behind it, a thin pole before it, and sky above.

@@ -2,179 +2,198 @@
 // G-buffer at full resolution, farther from them ever more coarsely; what is listed on a level is listed on all coarser
 // ones too.
 //
-//   find_edges  one value a pixel, 0 to 1, and its maxima over 2 x 2, 4 x 4 and 8 x 8 pixels
-//   widen       of one level: the edges blurred, and the finer level's mask; pixels listed are counted by tiles of 8 x 8
+// Edges and masks are textures of 8 bits a pixel with a texel for a block of 2 x 2 pixels: a fragment has a block, and
+// what it reads for one of its pixels serves the others. A component whose pixel is beyond the image is 0.
+//
+//   find_edges  fragment: one value a pixel, 0 to 1
+//   coarsen     fragment: of the next finer level's edges the maxima over 2 x 2 pixels
+//   widen       fragment: of one level, the edges blurred, and the finer level's mask
+//   count       of one level: listed pixels of each tile of 8 x 8
 //   list        of one level: after a prefix sum of the counts, the listed pixels in the order of their tiles
 //   stamp       fragment: of one level, 1 in a stencil buffer where a pixel is listed
 
 #if EDGES
 
-#import surface
+#import math
+#import packing
+#import camera
+#import gbuffer
+#import screen
+#import block
 
 struct Params {
   camera: Camera,
   normals: vec2u,
   depth_step: f32,
   depth_relative: f32,
+  // What a step in depth is a share of, and linear over the image on a plane: the factors of ndc.x, ndc.y, 1 and
+  // depth - far_depth. One over the distance for a perspective camera, the image's height for another.
+  scale: vec4f,
+  // What it grows by with depth, of another camera the view depth.
+  slope: f32,
   // Least first difference of unit normals that is an edge.
   normal_threshold: f32,
   // Least second difference of depth, as a share of the distance.
   depth_threshold: f32,
   // Least first difference of the shading.
   shading_threshold: f32,
-  // The bits SHADING, EXTRA and IMPORTANCE.
+  // The bits EXTRA and IMPORTANCE.
   sources: u32,
+  padding0: u32,
+  padding1: u32,
+  padding2: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var depth_texture: texture_2d<f32>;
 @group(0) @binding(2) var normal_texture: texture_2d<f32>;
-// Of the caller; where it gave none another texture stands here and is not read.
+#if SHADING
 @group(0) @binding(3) var shading: texture_2d<f32>;
+#endif
+#if GIVEN
+// Of the caller; where it gave one of them alone, that stands for the other too and is not read there.
 @group(0) @binding(4) var extra: texture_2d<f32>;
 @group(0) @binding(5) var importance: texture_2d<f32>;
-@group(0) @binding(6) var edges_0: texture_storage_2d<r32float, write>;
-@group(0) @binding(7) var edges_1: texture_storage_2d<r32float, write>;
-@group(0) @binding(8) var edges_2: texture_storage_2d<r32float, write>;
-@group(0) @binding(9) var edges_3: texture_storage_2d<r32float, write>;
+#endif
 
-const SHADING: u32 = 1u;
-const EXTRA: u32 = 2u;
-const IMPORTANCE: u32 = 4u;
+const EXTRA: u32 = 1u;
+const IMPORTANCE: u32 = 2u;
+// Differs from any shading.
+const GARBAGE: f32 = 1e30;
 
 // What of a pixel is differentiated.
 struct Sample {
   normal: vec3f,
   depth: f32,
-  // Linear over the image on a plane: one over the view depth for a perspective camera, view depth for another.
-  linear: f32,
   shade: f32,
-  sky: bool,
+  // 1 for the sky, whose other values are 0.
+  sky: f32,
 }
 
-fn sample_at(pixel: vec2u) -> Sample {
-  let at = params.camera.viewport.xy + pixel;
+fn texel_of(pixel: vec2i) -> vec2u {
+  return params.camera.viewport.xy + vec2u(clamp(pixel, vec2i(0), vec2i(params.camera.viewport.zw) - 1));
+}
+
+// Beyond the image there is its border again, from which nothing differs.
+fn sample_at(pixel: vec2i) -> Sample {
+  let at = texel_of(pixel);
   let depth = textureLoad(depth_texture, at, 0).x;
-  let is_seen = unproject(params.camera, pixel, depth).w != 0.0;
-  // A point's homogeneous coordinates end in it, and on a pixel's ray it alone changes with the depth.
-  let middle = vec2f(pixel) + 0.5;
-  let ndc = middle / vec2f(params.camera.viewport.zw) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
-  let h = params.camera.unproject * vec4f(ndc, depth - params.camera.far_depth, 1.0);
-  let along = depth * length(params.camera.unproject[2].xyz);
+  let foreground = select((depth < 1.0), (depth > 0.0), params.camera.far_depth == 0.0);
+  let is_seen = foreground && is_finite(depth);
+  // Axes do not matter to what two normals differ by.
+  let normal = stored_normal(params.normals.x, textureLoad(normal_texture, at, 0).xyz, vec3f(0.0));
   var shade = 0.0;
-  if (params.sources & SHADING) != 0u {
-    shade = textureLoad(shading, at, 0).x;
-  }
+#if SHADING
+  let given = textureLoad(shading, at, 0).x;
+  shade = select(GARBAGE, given, is_finite(given));
+#endif
   return Sample(
-    decode_normal(params.camera, params.normals, textureLoad(normal_texture, at, 0).xyz, vec3f(0.0)),
-    depth,
-    select(along, h.w, params.camera.perspective != 0u),
-    shade,
-    !is_seen,
+    select(vec3f(0.0), normal, is_seen),
+    select(0.0, depth, is_seen),
+    select(0.0, shade, is_seen),
+    select(1.0, 0.0, is_seen),
   );
 }
 
 // 0 up to the threshold, 1 from twice the threshold on. NaN is an edge.
 fn beyond(value: f32, threshold: f32) -> f32 {
   let share = value / threshold - 1.0;
-  return select(clamp(share, 0.0, 1.0), 1.0, !is_finite(value));
+  return select(1.0, clamp(share, 0.0, 1.0), is_finite(value));
 }
 
-fn first_difference(a: Sample, b: Sample) -> f32 {
-  if a.sky || b.sky {
-    return select(1.0, 0.0, a.sky && b.sky);
-  }
-  let normal = beyond(distance(a.normal, b.normal), params.normal_threshold);
-  return max(normal, beyond(abs(a.shade - b.shade), params.shading_threshold));
+// First differences: of the normals squared, of the shading, and whether one is sky and the other is not.
+fn contrast(a: Sample, b: Sample) -> vec3f {
+  let d = a.normal - b.normal;
+  return vec3f(dot(d, d), abs(a.shade - b.shade), abs(a.sky - b.sky));
 }
 
-fn second_difference(before: Sample, centre: Sample, after: Sample) -> f32 {
-  if before.sky || centre.sky || after.sky {
-    return 0.0;
-  }
+// The second difference of what is linear over the image on a plane: its share that is linear in the pixel drops out, so
+// that depth alone is left.
+fn bend(before: Sample, centre: Sample, after: Sample, scale: f32) -> f32 {
   // What the depths' rounding alone can amount to is no edge: each may be off by a step.
   let depth = max(max(abs(before.depth), abs(after.depth)), abs(centre.depth));
   let step = params.depth_step + params.depth_relative * depth;
-  let is_perspective = params.camera.perspective != 0u;
-  let slope = select(length(params.camera.unproject[2].xyz), abs(params.camera.unproject[2].w), is_perspective);
-  let nearest = max(max(before.linear, after.linear), centre.linear);
-  let extent = params.camera.pixel * f32(params.camera.viewport.w);
-  let difference = abs((before.linear - centre.linear) + (after.linear - centre.linear));
-  let rounding = 4.0 * step * slope;
-  return beyond(max(difference - rounding, 0.0) / select(extent, nearest, is_perspective), params.depth_threshold);
+  let difference = abs((before.depth - centre.depth) + (after.depth - centre.depth));
+  let far = params.camera.far_depth;
+  let depths = params.scale.w * (vec3f(before.depth, centre.depth, after.depth) - far);
+  let nearest = max(scale + max_component(depths), 1e-30);
+  let value = max(difference - 4.0 * step, 0.0) * params.slope / nearest;
+  return select(value, 0.0, before.sky + centre.sky + after.sky > 0.0);
 }
 
 // A value of the caller's; NaN is an edge.
 fn sound(value: f32) -> f32 {
-  return select(clamp(value, 0.0, 1.0), 1.0, !is_finite(value));
+  return select(1.0, clamp(value, 0.0, 1.0), is_finite(value));
 }
 
-fn edge(pixel: vec2u) -> f32 {
-  let last = params.camera.viewport.zw - 1u;
-  let centre = sample_at(pixel);
-  var value = 0.0;
-  for (var axis = 0u; axis < 2u; axis++) {
-    let along = select(vec2u(0u, 1u), vec2u(1u, 0u), axis == 0u);
-    let has_before = pixel[axis] > 0u;
-    let has_after = pixel[axis] < last[axis];
-    // Beyond the image there is nothing to differ from.
-    let before = sample_at(select(pixel, pixel - along, has_before));
-    let after = sample_at(select(pixel, pixel + along, has_after));
-    value = max(value, max(first_difference(before, centre), first_difference(centre, after)));
-    if has_before && has_after {
-      value = max(value, second_difference(before, centre, after));
-    }
-  }
-  let at = params.camera.viewport.xy + pixel;
+// Of a pixel, of which `before` are the left and the upper neighbour and `after` the others; 0 beyond the image.
+fn edge(pixel: vec2i, centre: Sample, before: array<Sample, 2>, after: array<Sample, 2>) -> f32 {
+  let size = vec2i(params.camera.viewport.zw);
+  let rows = max(contrast(before[0], centre), contrast(centre, after[0]));
+  let most = max(rows, max(contrast(before[1], centre), contrast(centre, after[1])));
+  var value = max(most.z, beyond(sqrt(most.x), params.normal_threshold));
+#if SHADING
+  value = max(value, beyond(most.y, params.shading_threshold));
+  value = select(value, 1.0, centre.shade == GARBAGE);
+#endif
+  let ndc = (vec2f(pixel) + 0.5) / vec2f(size) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
+  let scale = dot(params.scale.xyz, vec3f(ndc, 1.0));
+  let bends = vec2f(bend(before[0], centre, after[0], scale), bend(before[1], centre, after[1], scale));
+  let between = select(vec2f(0.0), bends, (pixel > vec2i(0)) & (pixel < (size - 1)));
+  value = max(value, beyond(max(between.x, between.y), params.depth_threshold));
+#if GIVEN
+  let at = texel_of(pixel);
   if (params.sources & EXTRA) != 0u {
     value = max(value, sound(textureLoad(extra, at, 0).x));
   }
   if (params.sources & IMPORTANCE) != 0u {
     value = min(value, sound(textureLoad(importance, at, 0).x));
   }
-  return value;
+#endif
+  return select(0.0, value, all(pixel < size));
 }
 
-var<workgroup> tile: array<f32, 64>;
-
-// The maximum over a square of four squares of `half` pixels, for the threads at its corner.
-fn maximum(index: u32, half: u32) -> f32 {
-  return max(max(tile[index], tile[index + half]), max(tile[index + 8u * half], tile[index + 9u * half]));
+@fragment
+fn find_edges(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
+  let p = 2 * vec2i(fragment.xy);
+  let a = sample_at(p);
+  let b = sample_at(p + vec2i(1, 0));
+  let c = sample_at(p + vec2i(0, 1));
+  let d = sample_at(p + vec2i(1, 1));
+  let left_a = sample_at(p + vec2i(-1, 0));
+  let left_c = sample_at(p + vec2i(-1, 1));
+  let right_b = sample_at(p + vec2i(2, 0));
+  let right_d = sample_at(p + vec2i(2, 1));
+  let above_a = sample_at(p + vec2i(0, -1));
+  let above_b = sample_at(p + vec2i(1, -1));
+  let below_c = sample_at(p + vec2i(0, 2));
+  let below_d = sample_at(p + vec2i(1, 2));
+  return stored(vec4f(
+    edge(p, a, array(left_a, above_a), array(b, c)),
+    edge(p + vec2i(1, 0), b, array(a, above_b), array(right_b, d)),
+    edge(p + vec2i(0, 1), c, array(left_c, a), array(d, below_c)),
+    edge(p + vec2i(1, 1), d, array(c, b), array(right_d, below_d)),
+  ));
 }
 
-@compute @workgroup_size(8, 8)
-fn find_edges(
-  @builtin(global_invocation_id) id: vec3u,
-  @builtin(local_invocation_id) local: vec3u,
-  @builtin(local_invocation_index) index: u32,
-) {
-  let inside = all(id.xy < params.camera.viewport.zw);
-  var value = 0.0;
-  if inside {
-    value = edge(id.xy);
-    textureStore(edges_0, id.xy, vec4f(value, 0.0, 0.0, 0.0));
-  }
-  tile[index] = value;
-  workgroupBarrier();
-  if all((local.xy & vec2u(1u)) == vec2u(0u)) {
-    value = maximum(index, 1u);
-    if inside {
-      textureStore(edges_1, id.xy >> vec2u(1u), vec4f(value, 0.0, 0.0, 0.0));
-    }
-    tile[index] = value;
-  }
-  workgroupBarrier();
-  if all((local.xy & vec2u(3u)) == vec2u(0u)) {
-    value = maximum(index, 2u);
-    if inside {
-      textureStore(edges_2, id.xy >> vec2u(2u), vec4f(value, 0.0, 0.0, 0.0));
-    }
-    tile[index] = value;
-  }
-  workgroupBarrier();
-  if index == 0u {
-    textureStore(edges_3, id.xy >> vec2u(3u), vec4f(maximum(0u, 4u), 0.0, 0.0, 0.0));
-  }
+#else
+#if COARSEN
+
+#import screen
+#import block
+
+@group(0) @binding(0) var edges: texture_2d<f32>;
+
+fn largest(texel: vec2u) -> f32 {
+  let end = textureDimensions(edges);
+  let block = textureLoad(edges, min(texel, end - 1u), 0);
+  return select(0.0, largest_of(block), all(texel < end));
+}
+
+@fragment
+fn coarsen(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
+  let p = 2u * vec2u(fragment.xy);
+  return vec4f(largest(p), largest(p + vec2u(1u, 0u)), largest(p + vec2u(0u, 1u)), largest(p + vec2u(1u)));
 }
 
 #else
@@ -183,101 +202,79 @@ struct Params {
   // Of the level, pixels.
   size: vec2u,
   tiles: vec2u,
-  // Of the finer level that is contained in this one.
-  finer_size: vec2u,
-  // By how many levels it is finer; 0 where there is none.
-  finer_by: u32,
-  // Half width of the blur.
-  radius: u32,
-  // 1 / (2 variance).
-  falloff: f32,
-  // A blurred edge up to this is none.
-  threshold: f32,
-  // 1 where all pixels are listed.
-  everything: u32,
   // The level's first tile among those of all levels.
   first_tile: u32,
+  // By how many levels the finer one that is contained in this one is finer; 0 where there is none.
+  finer_by: u32,
+  // How many blocks the blur reaches to each side.
+  reach: u32,
+  // A blurred edge up to this is none.
+  threshold: f32,
+  // Of the blur, for a block i to the right: what a pixel counts for the same pixel of the other block, the right one
+  // for the left one, and the left one for the right one.
+  bell: array<vec4f, 5>,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
 
 #if WIDEN
 
+#import screen
+#import block
+
 @group(0) @binding(1) var edges: texture_2d<f32>;
+#if FINER
 @group(0) @binding(2) var finer: texture_2d<f32>;
-@group(0) @binding(3) var mask: texture_storage_2d<r32float, write>;
-@group(0) @binding(4) var<storage, read_write> counts: array<u32>;
 
-// The widest half width that there is room for.
-const MAX_RADIUS: u32 = 8u;
-const SIDE: u32 = 8u + 2u * MAX_RADIUS;
+// The largest value of the finer level's mask within a pixel.
+fn within(pixel: vec2u) -> f32 {
+  let side = 1u << (params.finer_by - 1u);
+  let end = textureDimensions(finer);
+  var value = 0.0;
+  for (var i = 0u; i < side * side; i++) {
+    let texel = pixel * side + vec2u(i % side, i / side);
+    let there = largest_of(textureLoad(finer, min(texel, end - 1u), 0));
+    value = max(value, select(0.0, there, all(texel < end)));
+  }
+  return value;
+}
+#endif
 
-var<workgroup> window: array<f32, SIDE * SIDE>;
-var<workgroup> rows: array<f32, SIDE * 8u>;
-var<workgroup> listed: atomic<u32>;
-
-// Not normalised.
-fn bell(offset: u32) -> f32 {
-  return exp(-f32(offset * offset) * params.falloff);
+// What pixels at an offset of blocks count: for the same pixel, for the one before and for the one after it.
+fn bell(offset: i32) -> vec3f {
+  let w = params.bell[abs(offset)];
+  return select(w.xzy, w.xyz, offset >= 0);
 }
 
-@compute @workgroup_size(8, 8)
-fn widen(
-  @builtin(workgroup_id) group: vec3u,
-  @builtin(global_invocation_id) id: vec3u,
-  @builtin(local_invocation_id) local: vec3u,
-  @builtin(local_invocation_index) index: u32,
-) {
-  let radius = min(params.radius, MAX_RADIUS);
-  let side = 8u + 2u * radius;
-  let last = vec2i(params.size) - 1;
-  if index == 0u {
-    atomicStore(&listed, 0u);
-  }
-  // Beyond the image it goes on with its border.
-  for (var i = index; i < side * side; i += 64u) {
-    let at = vec2i(group.xy * 8u + vec2u(i % side, i / side)) - i32(radius);
-    window[i] = textureLoad(edges, clamp(at, vec2i(0), last), 0).x;
-  }
-  workgroupBarrier();
-  var total = bell(0u);
-  for (var offset = 1u; offset <= radius; offset++) {
-    total += 2.0 * bell(offset);
-  }
-  for (var i = index; i < side * 8u; i += 64u) {
-    let at = (i / 8u) * side + i % 8u + radius;
-    var sum = window[at] * bell(0u);
-    for (var offset = 1u; offset <= radius; offset++) {
-      sum += (window[at - offset] + window[at + offset]) * bell(offset);
+@fragment
+fn widen(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
+  let middle = vec2i(fragment.xy);
+  let end = vec2i(textureDimensions(edges));
+  let reach = i32(params.reach);
+  var value = vec4f(0.0);
+  for (var y = -reach; y <= reach; y++) {
+    var row = vec4f(0.0);
+    for (var x = -reach; x <= reach; x++) {
+      let there = middle + vec2i(x, y);
+      let block = textureLoad(edges, clamp(there, vec2i(0), end - 1), 0);
+      // Beyond the image there are no edges.
+      let inside = select(0.0, 1.0, all((there >= vec2i(0)) & (there < end)));
+      let w = inside * bell(x);
+      row += block * w.x + block.yxwz * w.yzyz;
     }
-    rows[i] = sum / total;
+    let w = bell(y);
+    value += row * w.x + row.zwxy * w.yyzz;
   }
-  workgroupBarrier();
-  if all(id.xy < params.size) {
-    let at = (local.y + radius) * 8u + local.x;
-    var value = rows[at] * bell(0u);
-    for (var offset = 1u; offset <= radius; offset++) {
-      value += (rows[at - 8u * offset] + rows[at + 8u * offset]) * bell(offset);
-    }
-    value /= total;
-    value = select(0.0, min(value, 1.0), value > params.threshold);
-    if params.finer_by != 0u {
-      let block = 1u << params.finer_by;
-      for (var i = 0u; i < block * block; i++) {
-        let there = min(id.xy * block + vec2u(i % block, i / block), params.finer_size - 1u);
-        value = max(value, textureLoad(finer, there, 0).x);
-      }
-    }
-    value = select(value, 1.0, params.everything != 0u);
-    textureStore(mask, id.xy, vec4f(value, 0.0, 0.0, 0.0));
-    if value > 0.0 {
-      atomicAdd(&listed, 1u);
-    }
-  }
-  workgroupBarrier();
-  if index == 0u {
-    counts[params.first_tile + group.y * params.tiles.x + group.x] = atomicLoad(&listed);
-  }
+  value = min(value, vec4f(1.0));
+  value = select(vec4f(0.0), value, value > vec4f(params.threshold));
+  let p = 2u * vec2u(middle);
+#if FINER
+  let contained = vec4f(within(p), within(p + vec2u(1u, 0u)), within(p + vec2u(0u, 1u)), within(p + vec2u(1u)));
+  value = max(value, contained);
+#endif
+  let columns = vec2u(p.x, p.x + 1u) < vec2u(params.size.x);
+  let rows = vec2u(p.y, p.y + 1u) < vec2u(params.size.y);
+  return select(vec4f(0.0), stored(value), columns.xyxy & rows.xxyy);
 }
 
 #else
@@ -288,38 +285,61 @@ fn widen(
 
 #import dispatch
 
-// The sums of the counts before each tile, of all levels, and their total.
-@group(0) @binding(2) var<storage, read> before: array<u32>;
+// First the counts of each tile, of all levels, then the sums before each, and their total.
+@group(0) @binding(2) var<storage, read_write> counts: array<u32>;
 @group(0) @binding(3) var<storage, read_write> pixels: array<u32>;
 @group(0) @binding(4) var<storage, read_write> workgroups: array<u32, 3>;
 
-var<workgroup> bits: array<atomic<u32>, 2>;
+// Blocks of a tile.
+const BLOCKS: u32 = 16u;
 
-@compute @workgroup_size(8, 8)
-fn list(
-  @builtin(workgroup_id) group: vec3u,
-  @builtin(global_invocation_id) id: vec3u,
-  @builtin(local_invocation_index) index: u32,
-) {
-  if index < 2u {
-    atomicStore(&bits[index], 0u);
+fn corner(tile: u32, i: u32) -> vec2u {
+  return 8u * vec2u(tile % params.tiles.x, tile / params.tiles.x) + 2u * vec2u(i % 4u, i / 4u);
+}
+
+// Which of a block's pixels are listed.
+fn listed(corner: vec2u) -> vec4<bool> {
+  let block = textureLoad(mask, min(corner >> vec2u(1u), textureDimensions(mask) - 1u), 0);
+  let columns = vec2u(corner.x, corner.x + 1u) < vec2u(params.size.x);
+  let rows = vec2u(corner.y, corner.y + 1u) < vec2u(params.size.y);
+  return (block > vec4f(0.0)) & columns.xyxy & rows.xxyy;
+}
+
+@compute @workgroup_size(64)
+fn count(@builtin(global_invocation_id) id: vec3u) {
+  let tile = id.x;
+  if tile >= params.tiles.x * params.tiles.y {
+    return;
   }
-  workgroupBarrier();
-  let is_listed = all(id.xy < params.size) && textureLoad(mask, min(id.xy, params.size - 1u), 0).x > 0.0;
-  let bit = 1u << (index & 31u);
-  if is_listed {
-    atomicOr(&bits[index >> 5u], bit);
+  var sum = vec4u(0u);
+  for (var i = 0u; i < BLOCKS; i++) {
+    sum += select(vec4u(0u), vec4u(1u), listed(corner(tile, i)));
   }
-  workgroupBarrier();
-  let first = before[params.first_tile];
-  let tile = params.first_tile + group.y * params.tiles.x + group.x;
-  if is_listed {
-    var rank = countOneBits(atomicLoad(&bits[index >> 5u]) & (bit - 1u));
-    rank += select(0u, countOneBits(atomicLoad(&bits[0])), index >= 32u);
-    pixels[1u + before[tile] - first + rank] = id.x | (id.y << 16u);
+  counts[params.first_tile + tile] = sum.x + sum.y + sum.z + sum.w;
+}
+
+@compute @workgroup_size(64)
+fn list(@builtin(global_invocation_id) id: vec3u) {
+  let tile = id.x;
+  let tiles = params.tiles.x * params.tiles.y;
+  if tile >= tiles {
+    return;
   }
-  if all(group.xy == vec2u(0u)) && index == 0u {
-    let count = before[params.first_tile + params.tiles.x * params.tiles.y] - first;
+  let first = counts[params.first_tile];
+  // Behind the number of all.
+  var at = 1u + counts[params.first_tile + tile] - first;
+  for (var i = 0u; i < BLOCKS; i++) {
+    let start = corner(tile, i);
+    let is_listed = listed(start);
+    for (var k = 0u; k < 4u; k++) {
+      if is_listed[k] {
+        pixels[at] = (start.x + (k & 1u)) | ((start.y + (k >> 1u)) << 16u);
+        at++;
+      }
+    }
+  }
+  if tile == 0u {
+    let count = counts[params.first_tile + tiles] - first;
     let groups = (count + 63u) / 64u;
     pixels[0] = count;
     workgroups[0] = min(groups, DISPATCH_ROW);
@@ -331,14 +351,17 @@ fn list(
 #else
 
 #import screen
+#import block
 
 @fragment
 fn stamp(@builtin(position) fragment: vec4f) {
-  if textureLoad(mask, min(vec2u(fragment.xy), params.size - 1u), 0).x == 0.0 {
+  let pixel = vec2u(fragment.xy);
+  if of_block(textureLoad(mask, pixel >> vec2u(1u), 0), pixel) == 0.0 {
     discard;
   }
 }
 
+#endif
 #endif
 #endif
 #endif

@@ -3,107 +3,122 @@
 //
 // Of level i the mask a_i, times the weight w_i, says how much its image counts over what the coarser levels give:
 //   c'_i = c_i min(a_i w_i, 1) + c'_(i+1) (1 - min(a_i w_i, 1))
-// from the coarsest level to the finest. It is summed here from the finest on, which is the same and ends where nothing
-// of what is coarser is left to be seen.
+// from the coarsest level, which is complete, to the finest; each at its own level's resolution, so that a pixel asks four
+// pixels of one coarser image.
 //
-// Between the pixels of a sub-image values are bilinear, of those that were computed and that lie on the pixel's own
-// surface.
+//   complete  of a level, all pixels: what the next coarser image gives
+//   mend      of a level, those listed: what its own image gives over that
+//   blend     fragment: all pixels of the image, of the finest level where it is listed and of the next coarser image
 //
-// @group(0) @binding(0) params, 1 depth, 2 normals, 3 ... 6 masks, 7 ... 10 images
+// Between the pixels of a coarser image values are bilinear, of those that lie on the pixel's own surface.
 
 #import surface
 #import sub_image
+#import block
+#if BLEND
 #import screen
+#endif
+
+// Whether all pixels about one are on its surface, unless it is listed.
+override ALIKE: bool = false;
 
 struct Params {
   camera: Camera,
   normals: vec2u,
   depth_step: f32,
   depth_relative: f32,
-  weights: vec4f,
-  // A bit for each level that there is.
-  levels: u32,
-  coarsest: u32,
-  // How far off a pixel's tangent plane a neighbour may lie, in pixels of the sub-image.
+  // The level that is computed, and that of the coarser image.
+  level: u32,
+  coarser: u32,
+  weight: f32,
+  // How far off a pixel's tangent plane a neighbour may lie, in pixels of the coarser image.
   plane_distance: f32,
   // Exponent of the cosine between normals, 8 or more.
   normal_power: f32,
-  // A bit for each level whose pixels about one are on its surface where the next finer level has nothing listed there.
-  alike: u32,
+  // 1 where there is a finest level of its own.
+  has_own: u32,
   padding0: u32,
   padding1: u32,
-  padding2: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var depth_texture: texture_2d<f32>;
 @group(0) @binding(2) var normal_texture: texture_2d<f32>;
-// Of levels that there are not another level's stand here and are not read.
-@group(0) @binding(3) var mask_0: texture_2d<f32>;
-@group(0) @binding(4) var mask_1: texture_2d<f32>;
-@group(0) @binding(5) var mask_2: texture_2d<f32>;
-@group(0) @binding(6) var mask_3: texture_2d<f32>;
-@group(0) @binding(7) var image_0: texture_2d<f32>;
-@group(0) @binding(8) var image_1: texture_2d<f32>;
-@group(0) @binding(9) var image_2: texture_2d<f32>;
-@group(0) @binding(10) var image_3: texture_2d<f32>;
+// The next coarser level, completed.
+@group(0) @binding(3) var coarse: texture_2d<f32>;
+@group(0) @binding(4) var mask: texture_2d<f32>;
+// What the effect computed; for `blend` that mended.
+@group(0) @binding(5) var own: texture_2d<f32>;
+#if BLEND
+#else
+// How many, then x | y << 16 of each.
+@group(0) @binding(6) var<storage, read> work: array<u32>;
+#if COLOR
+@group(0) @binding(7) var result: texture_storage_2d<rgba16float, write>;
+#else
+@group(0) @binding(7) var result: texture_storage_2d<r32float, write>;
+#endif
+#endif
 
 // What a neighbour on another surface counts: all there is where no other is.
 const STRANGER: f32 = 1e-4;
-// The share of its neighbours' weight that a level must have computed, and on the pixel's surface, to count fully.
-const CONFIDENT: f32 = 0.125;
 
-fn mask_at(texel: vec2u, level: u32) -> f32 {
-  switch level {
-    case 0u: { return textureLoad(mask_0, texel, 0).x; }
-    case 1u: { return textureLoad(mask_1, texel, 0).x; }
-    case 2u: { return textureLoad(mask_2, texel, 0).x; }
-    default: { return textureLoad(mask_3, texel, 0).x; }
-  }
-}
-
-fn image_at(texel: vec2u, level: u32) -> vec3f {
-  var texel_value = vec4f(0.0);
-  switch level {
-    case 0u: { texel_value = textureLoad(image_0, texel, 0); }
-    case 1u: { texel_value = textureLoad(image_1, texel, 0); }
-    case 2u: { texel_value = textureLoad(image_2, texel, 0); }
-    default: { texel_value = textureLoad(image_3, texel, 0); }
-  }
 #if COLOR
-  return texel_value.xyz;
+
+alias Value = vec3f;
+
+fn value_of(texel: vec4f) -> Value {
+  return texel.xyz;
+}
+
+fn is_sound(value: Value) -> bool {
+  return is_finite3(value);
+}
+
+fn texel_of(value: Value) -> vec4f {
+  return vec4f(value, 1.0);
+}
+
 #else
-  return texel_value.xxx;
+
+alias Value = f32;
+
+fn value_of(texel: vec4f) -> Value {
+  return texel.x;
+}
+
+fn is_sound(value: Value) -> bool {
+  return is_finite(value);
+}
+
+fn texel_of(value: Value) -> vec4f {
+  return vec4f(value, value, value, 1.0);
+}
+
 #endif
-}
 
-// The four pixels of a sub-image about a pixel of the image.
+// The four pixels of the coarser image about a pixel, and how near they are.
 struct Corners {
-  first: vec2u,
-  last: vec2u,
-  // Of the last ones.
-  share: vec2f,
+  texels: array<vec2u, 4>,
+  shares: vec4f,
 }
 
-fn corners_about(pixel: vec2u, level: u32) -> Corners {
+fn corners_about(pixel: vec2u) -> Corners {
+  let level = params.coarser;
   let size = params.camera.viewport.zw;
   let end = (size - 1u) >> vec2u(level);
   let half = (1u << level) >> 1u;
-  let first = min(select(vec2u(0u), (pixel - half) >> vec2u(level), pixel >= vec2u(half)), end);
+  let first = min((max(pixel, vec2u(half)) - half) >> vec2u(level), end);
   let last = min(first + 1u, end);
   // The last pixel of a sub-image may stand for one nearer than the others do.
-  let from_first = vec2f(pixel) - vec2f(stands_for(first, level, size));
-  let extent = vec2f(stands_for(last, level, size)) - vec2f(stands_for(first, level, size));
-  return Corners(first, last, clamp(from_first / max(extent, vec2f(1.0)), vec2f(0.0), vec2f(1.0)));
-}
-
-fn corner(corners: Corners, i: u32) -> vec2u {
-  return select(corners.first, corners.last, vec2<bool>((i & 1u) != 0u, (i & 2u) != 0u));
-}
-
-fn corner_weight(corners: Corners, i: u32) -> f32 {
-  let share = select(1.0 - corners.share, corners.share, vec2<bool>((i & 1u) != 0u, (i & 2u) != 0u));
-  return share.x * share.y;
+  let start = stands_for(first, level, size);
+  let extent = vec2f(stands_for(last, level, size) - start);
+  let share = clamp((vec2f(pixel) - vec2f(start)) / max(extent, vec2f(1.0)), vec2f(0.0), vec2f(1.0));
+  let columns = vec2f(1.0 - share.x, share.x);
+  return Corners(
+    array(first, vec2u(last.x, first.y), vec2u(first.x, last.y), last),
+    vec4f(columns * (1.0 - share.y), columns * share.y),
+  );
 }
 
 // 1 for a pixel itself; 0 across an edge in depth or between perpendicular surfaces. Of a reach in world units.
@@ -120,83 +135,86 @@ fn similarity(p: Surface, q: Surface, reach: f32) -> f32 {
   return in_plane * in_plane * base4 * base4;
 }
 
-// A level's value at a pixel, how much of it there is, and the mask.
-struct Layer {
-  value: vec3f,
-  alpha: f32,
-  mask: f32,
+// How much of each corner is on a pixel's surface.
+fn similarities(pixel: vec2u, texels: array<vec2u, 4>) -> vec4f {
+  let p = surface_at(pixel);
+  let reach =
+    params.plane_distance * f32(1u << params.coarser) * footprint(params.camera, p.position - params.camera.eye);
+  let level = params.coarser;
+  let size = params.camera.viewport.zw;
+  return vec4f(
+    similarity(p, surface_at(stands_for(texels[0], level, size)), reach),
+    similarity(p, surface_at(stands_for(texels[1], level, size)), reach),
+    similarity(p, surface_at(stands_for(texels[2], level, size)), reach),
+    similarity(p, surface_at(stands_for(texels[3], level, size)), reach),
+  );
 }
 
-// `finer` is the mask of the next finer level, 1 where there is none.
-fn layer_of(pixel: vec2u, finer: f32, level: u32) -> Layer {
-  let is_last = level == params.coarsest;
-  if level == 0u {
-    let mask = mask_at(pixel, 0u);
-    if mask == 0.0 {
-      return Layer(vec3f(0.0), 0.0, 0.0);
-    }
-    let value = image_at(pixel, 0u);
-    if !is_finite3(value) {
-      return Layer(vec3f(0.0), 0.0, mask);
-    }
-    return Layer(value, select(min(mask * params.weights.x, 1.0), 1.0, is_last), mask);
+// What the coarser image gives at a pixel; 0 where it has nothing finite.
+fn from_coarser(pixel: vec2u, alike: bool) -> Value {
+  let corners = corners_about(pixel);
+  let a = value_of(textureLoad(coarse, corners.texels[0], 0));
+  let b = value_of(textureLoad(coarse, corners.texels[1], 0));
+  let c = value_of(textureLoad(coarse, corners.texels[2], 0));
+  let d = value_of(textureLoad(coarse, corners.texels[3], 0));
+  var weights = corners.shares;
+  if !alike {
+    weights *= similarities(pixel, corners.texels) + STRANGER;
   }
-  let corners = corners_about(pixel, level);
-  var masks: vec4f;
-  var mask = 0.0;
-  for (var i = 0u; i < 4u; i++) {
-    masks[i] = mask_at(corner(corners, i), level);
-    mask += masks[i] * corner_weight(corners, i);
-  }
-  let alpha = select(min(mask * params.weights[level], 1.0), 1.0, is_last);
-  if alpha == 0.0 {
-    return Layer(vec3f(0.0), 0.0, mask);
-  }
-  let is_alike = finer == 0.0 && (params.alike & (1u << level)) != 0u;
-  var p: Surface;
-  if !is_alike {
-    p = surface_at(pixel);
-  }
-  let reach = params.plane_distance * f32(1u << level) * footprint(params.camera, p.position - params.camera.eye);
-  var value = vec3f(0.0);
-  var total = 0.0;
-  var own = 0.0;
-  for (var i = 0u; i < 4u; i++) {
-    let texel = corner(corners, i);
-    let there = image_at(texel, level);
-    let weight = corner_weight(corners, i);
-    if masks[i] > 0.0 && weight > 0.0 && is_finite3(there) {
-      var alike = 1.0;
-      if !is_alike {
-        let q = surface_at(stands_for(texel, level, params.camera.viewport.zw));
-        alike = similarity(p, q, reach);
-      }
-      value += weight * (alike + STRANGER) * there;
-      total += weight * (alike + STRANGER);
-      own += weight * alike;
-    }
-  }
-  value /= max(total, 1e-30);
-  return Layer(value, select(alpha * min(own / CONFIDENT, 1.0), 1.0, is_last), mask);
+  let are_sound = vec4<bool>(is_sound(a), is_sound(b), is_sound(c), is_sound(d));
+  weights = select(vec4f(0.0), weights, are_sound);
+  let none = Value();
+  let sum = select(none, a, are_sound.x) * weights.x + select(none, b, are_sound.y) * weights.y
+    + select(none, c, are_sound.z) * weights.z + select(none, d, are_sound.w) * weights.w;
+  return sum / max(dot(weights, vec4f(1.0)), 1e-30);
 }
+
+#if BLEND
 
 @fragment
 fn blend(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
   let size = vec2i(params.camera.viewport.zw);
   let pixel = vec2u(clamp(vec2i(fragment.xy) - vec2i(params.camera.viewport.xy), vec2i(0), size - 1));
-  var value = vec3f(0.0);
-  var remaining = 1.0;
-  var finer = 1.0;
-  for (var level = 0u; level <= params.coarsest && remaining > 0.0; level++) {
-    if (params.levels & (1u << level)) == 0u {
-      continue;
-    }
-    let layer = layer_of(pixel, finer, level);
-    finer = layer.mask;
-    if layer.alpha > 0.0 {
-      value += remaining * layer.alpha * layer.value;
-      remaining *= 1.0 - layer.alpha;
-    }
+  let is_listed = params.has_own != 0u && of_block(textureLoad(mask, pixel >> vec2u(1u), 0), pixel) > 0.0;
+  var value: Value;
+  if is_listed {
+    value = value_of(textureLoad(own, pixel, 0));
+    value = select(Value(), value, is_sound(value));
+  } else {
+    value = from_coarser(pixel, ALIKE);
   }
-  return vec4f(value, 1.0);
+  return texel_of(value);
 }
+
+#else
+
+@compute @workgroup_size(8, 8)
+fn complete(@builtin(global_invocation_id) id: vec3u) {
+  let size = params.camera.viewport.zw;
+  if any(id.xy > ((size - 1u) >> vec2u(params.level))) {
+    return;
+  }
+  let value = from_coarser(stands_for(id.xy, params.level, size), ALIKE);
+  textureStore(result, id.xy, texel_of(value));
+}
+
+@compute @workgroup_size(64)
+fn mend(
+  @builtin(workgroup_id) workgroup: vec3u,
+  @builtin(num_workgroups) workgroups: vec3u,
+  @builtin(local_invocation_index) local: u32,
+) {
+  let i = (workgroup.y * workgroups.x + workgroup.x) * 64u + local;
+  if i >= work[0] {
+    return;
+  }
+  let texel = vec2u(work[i + 1u] & 0xffffu, work[i + 1u] >> 16u);
+  let value = value_of(textureLoad(own, texel, 0));
+  let share = min(of_block(textureLoad(mask, texel >> vec2u(1u), 0), texel) * params.weight, 1.0);
+  // What is not finite counts as not computed.
+  let alpha = select(0.0, share, is_sound(value));
+  let coarser = from_coarser(stands_for(texel, params.level, params.camera.viewport.zw), false);
+  textureStore(result, texel, texel_of(select(Value(), value, is_sound(value)) * alpha + coarser * (1.0 - alpha)));
+}
+
+#endif

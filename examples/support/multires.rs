@@ -587,6 +587,19 @@ impl Masked {
     }
 }
 
+/// The pixels of a texture of blocks, such as a mask, rows from the top; `size` is theirs.
+pub fn read_blocks(gpu: &Gpu, view: &TextureView, [width, height]: [u32; 2]) -> Vec<f32> {
+    let blocks: Vec<[u8; 4]> = gpu.read_texture(view.texture(), 0);
+    let columns = width.div_ceil(2);
+    (0..width * height)
+        .map(|i| {
+            let [x, y] = [i % width, i / width];
+            let block = blocks[((y / 2) * columns + x / 2) as usize];
+            f32::from(block[(y % 2 * 2 + x % 2) as usize]) / 255.0
+        })
+        .collect()
+}
+
 /// The texels of an image of either format, rows from the top: three channels each.
 pub fn read_image(gpu: &Gpu, view: &TextureView) -> Vec<[f32; 3]> {
     if view.texture().format() == TextureFormat::R32Float {

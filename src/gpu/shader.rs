@@ -34,6 +34,7 @@ const COMMON: &[(&str, &str)] = &[
         include_str!("../../wgsl/common/sub_image.wgsl"),
     ),
     ("work", include_str!("../../wgsl/common/work.wgsl")),
+    ("block", include_str!("../../wgsl/common/block.wgsl")),
     ("rooms", include_str!("../../wgsl/common/rooms.wgsl")),
     (
         "walk_tree",

@@ -3,155 +3,67 @@
 
 pub(crate) mod params;
 pub(crate) mod settings;
+mod stencil;
+pub(crate) mod view;
 
 use wgpu::{
-    BindGroupLayout, Buffer, BufferUsages, CommandEncoder, CompareFunction, ComputePipeline,
-    Device, PipelineCache, RenderPipeline, ShaderStages, StencilFaceState, StencilOperation,
-    TextureFormat, TextureUsages, TextureView, TextureViewDimension,
+    BindGroup, BindGroupLayout, Buffer, CommandEncoder, ComputePipeline, Device, PipelineCache,
+    RenderPassTimestampWrites, RenderPipeline, ShaderStages, TextureUsages, TextureView,
 };
 
 use self::{
     params::{EdgeParams, LevelParams, levels},
     settings::MultiResMaskSettings,
+    view::{BLOCK, MultiResView},
 };
 use crate::{
     camera::Camera,
     error::Error,
     gbuffer::{GBuffer, check_plain, samples_as_float},
     gpu::{
-        Kernel, Timestamps,
-        binding::{self, FLOAT_2D, READ, UNIFORM, WRITE, view, whole},
-        check_timestamps, compute_pass,
-        scan::{Scan, ScanBuffer},
-        shader, storage, uniform,
+        Kernel, Timestamps, WORKGROUP,
+        binding::{self, FLOAT_2D, UNIFORM, WRITE, view, whole},
+        check_timestamps,
+        scan::Scan,
+        screen::Screen,
+        shader, uniform,
     },
-    receivers::{plane, plane_bytes},
-    work::{LEVELS, WorkList, level_size, list_bytes},
 };
 
 pub(crate) const SOURCE: &str = include_str!("../../wgsl/multi_res_mask.wgsl");
 
 const LABEL: &str = "deep-screen-space multi-resolution mask";
 
-/// Format of edges and masks.
-const MASK: TextureFormat = TextureFormat::R32Float;
-/// Format of what raster effects test.
-const STENCIL: TextureFormat = TextureFormat::Stencil8;
-
 /// Finds the edges of a G-buffer and divides its pixels among sub-images: near edges at full resolution, farther from
 /// them at 1/2, 1/4 and 1/8. What is listed on one level is listed on all coarser ones too, and the coarsest has
 /// everything, so that no pixel is without a value.
 ///
-/// An effect then computes the [`WorkList`]s, one recording a level, and the
+/// An effect then computes the [`WorkList`](crate::WorkList)s, one recording a level, and the
 /// [`MultiResReconstructor`](crate::MultiResReconstructor) makes one image of the sub-images. Nothing is read back.
+///
+/// A fragment finds the edges of 2 × 2 pixels, for which it reads 12 of the G-buffer; all else is of 8 bits a pixel, or of
+/// the listed pixels alone. Levels that are left out cost nothing, nor do textures of the caller's own that are not given.
 ///
 /// Holds pipelines only; one serves any number of views.
 #[derive(Debug)]
 pub struct MultiResMask {
-    edges_layout: BindGroupLayout,
-    widen_layout: BindGroupLayout,
+    /// By whether there is a shading, then by whether the caller gives edges or an importance.
+    find_edges: [[Drawn; 2]; 2],
+    coarsen: Drawn,
+    /// By whether there is a finer level.
+    widen: [Drawn; 2],
+    stamp: Drawn,
     list_layout: BindGroupLayout,
-    stamp_layout: BindGroupLayout,
-    find_edges: ComputePipeline,
-    widen: ComputePipeline,
+    count: ComputePipeline,
     list: ComputePipeline,
-    stamp: RenderPipeline,
     scan: Scan,
 }
 
-/// The masks and lists of one view.
+/// A pipeline that draws, and the layout of what it binds.
 #[derive(Debug)]
-pub struct MultiResView {
-    size: [u32; 2],
-    edges: [TextureView; LEVELS as usize],
-    levels: Vec<LevelBuffers>,
-    counts: ScanBuffer,
-    /// What was last recorded.
-    recorded: Option<MultiResMaskSettings>,
-    /// Whether edges were left out of that as not important.
-    has_importance: bool,
-}
-
-#[derive(Debug)]
-struct LevelBuffers {
-    mask: TextureView,
-    pixels: Buffer,
-    dispatch: Buffer,
-    stencil: Option<TextureView>,
-}
-
-impl MultiResView {
-    /// Width and height in pixels: that of the cameras' viewports.
-    pub fn size(&self) -> [u32; 2] {
-        self.size
-    }
-
-    /// What a level has to compute, of the last recording; `None` where that left the level out.
-    ///
-    /// Word 0 of its `pixels` is their number (usage `COPY_SRC`).
-    pub fn work(&self, level: u32) -> Option<WorkList<'_>> {
-        self.recorded_level(level).map(|buffers| WorkList {
-            level,
-            pixels: &buffers.pixels,
-            dispatch: &buffers.dispatch,
-        })
-    }
-
-    /// The work of all levels that there are, from the finest on.
-    pub fn works(&self) -> impl Iterator<Item = WorkList<'_>> {
-        (0..LEVELS).filter_map(|level| self.work(level))
-    }
-
-    /// A level's mask, of the last recording: `R32Float`, 0…1, above 0 where a pixel is listed (usages
-    /// `TEXTURE_BINDING | COPY_SRC`).
-    pub fn mask(&self, level: u32) -> Option<&TextureView> {
-        self.recorded_level(level).map(|buffers| &buffers.mask)
-    }
-
-    /// A level's stencil, of the last recording, where the view was made with stencils: `Stencil8`, 1 where a pixel is
-    /// listed, for effects that draw (usages `RENDER_ATTACHMENT | TEXTURE_BINDING | COPY_SRC`).
-    pub fn stencil(&self, level: u32) -> Option<&TextureView> {
-        self.recorded_level(level)
-            .and_then(|buffers| buffers.stencil.as_ref())
-    }
-
-    /// The edges over squares of 2^level pixels, of the last recording: `R32Float`, 0…1 (usages
-    /// `TEXTURE_BINDING | COPY_SRC`); `None` from level 4 on.
-    pub fn edges(&self, level: u32) -> Option<&TextureView> {
-        self.edges.get(level as usize)
-    }
-
-    /// GPU memory that it owns, bytes.
-    pub fn memory_bytes(&self) -> u64 {
-        let levels: u64 = (0..)
-            .zip(&self.levels)
-            .map(|(level, buffers)| {
-                let size = level_size(self.size, level);
-                let stencil = buffers.stencil.as_ref();
-                2 * plane_bytes(MASK, size, 1)
-                    + stencil.map_or(0, |_| plane_bytes(STENCIL, size, 1))
-                    + buffers.pixels.size()
-                    + buffers.dispatch.size()
-            })
-            .sum();
-        levels + self.counts.bytes()
-    }
-
-    /// The settings that it was last recorded with.
-    pub(crate) fn recorded(&self) -> Option<&MultiResMaskSettings> {
-        self.recorded.as_ref()
-    }
-
-    /// Whether it was recorded with an importance.
-    pub(crate) fn has_importance(&self) -> bool {
-        self.has_importance
-    }
-
-    fn recorded_level(&self, level: u32) -> Option<&LevelBuffers> {
-        let settings = self.recorded.as_ref()?;
-        settings.levels.get(level as usize)?.as_ref()?;
-        self.levels.get(level as usize)
-    }
+struct Drawn {
+    layout: BindGroupLayout,
+    pipeline: RenderPipeline,
 }
 
 /// What one recording of the [`MultiResMask`] works on.
@@ -180,81 +92,56 @@ impl MultiResMask {
     /// # Errors
     /// None that a device with these limits gives.
     pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
-        let compute = ShaderStages::COMPUTE;
-        let store = binding::store(MASK, TextureViewDimension::D2);
-        let edges_layout = binding::layout(
-            device,
-            LABEL,
-            compute,
-            &[
-                (0, UNIFORM),
-                (1, FLOAT_2D),
-                (2, FLOAT_2D),
-                (3, FLOAT_2D),
-                (4, FLOAT_2D),
-                (5, FLOAT_2D),
-                (6, store),
-                (7, store),
-                (8, store),
-                (9, store),
-            ],
-        );
-        let widen_layout = binding::layout(
-            device,
-            LABEL,
-            compute,
-            &[
-                (0, UNIFORM),
-                (1, FLOAT_2D),
-                (2, FLOAT_2D),
-                (3, store),
-                (4, WRITE),
-            ],
-        );
+        let drawn = |stage, entry| Drawn::new(device, stage, entry, cache);
+        let edges = |shading, given| drawn(MaskStage::Edges { shading, given }, "find_edges");
         let list_layout = binding::layout(
             device,
             LABEL,
-            compute,
+            ShaderStages::COMPUTE,
             &[
                 (0, UNIFORM),
                 (1, FLOAT_2D),
-                (2, READ),
+                (2, WRITE),
                 (3, WRITE),
                 (4, WRITE),
             ],
         );
-        let stamp_layout = binding::layout(
-            device,
-            LABEL,
-            ShaderStages::FRAGMENT,
-            &[(0, UNIFORM), (1, FLOAT_2D)],
-        );
-        let kernel = |stage, entry, layout: &BindGroupLayout| -> Result<_, Error> {
-            let module = shader::create(device, LABEL, source(stage)?);
-            Ok(Kernel {
+        let module = shader::create(device, LABEL, source(MaskStage::List)?);
+        let kernel = |entry| {
+            Kernel {
                 label: LABEL,
                 module: &module,
                 entry,
-                layouts: &[layout],
+                layouts: &[&list_layout],
                 constants: &[],
                 cache,
             }
-            .create(device))
+            .create(device)
         };
+        let (count, list) = (kernel("count"), kernel("list"));
+        let layout = MaskStage::Stamp.layout(device);
         Ok(Self {
-            find_edges: kernel(MaskStage::Edges, "find_edges", &edges_layout)?,
-            widen: kernel(MaskStage::Widen, "widen", &widen_layout)?,
-            list: kernel(MaskStage::List, "list", &list_layout)?,
-            stamp: stamp(device, &stamp_layout, cache)?,
-            scan: Scan::new(device, cache)?,
-            edges_layout,
-            widen_layout,
+            find_edges: [
+                [edges(false, false)?, edges(false, true)?],
+                [edges(true, false)?, edges(true, true)?],
+            ],
+            coarsen: drawn(MaskStage::Coarsen, "coarsen")?,
+            widen: [
+                drawn(MaskStage::Widen { finer: false }, "widen")?,
+                drawn(MaskStage::Widen { finer: true }, "widen")?,
+            ],
+            stamp: Drawn {
+                pipeline: stencil::pipeline(device, &layout, cache)?,
+                layout,
+            },
             list_layout,
-            stamp_layout,
+            count,
+            list,
+            scan: Scan::new(device, cache)?,
         })
     }
 
-    /// Masks and lists for a view of `width` × `height` pixels, 16 bytes a pixel; with `stencils` a stencil texture for each
+    /// Masks and lists for a view of `width` × `height` pixels, 8 bytes a pixel; with `stencils` a stencil texture for each
     /// level too.
     ///
     /// # Errors
@@ -266,44 +153,7 @@ impl MultiResMask {
         height: u32,
         stencils: bool,
     ) -> Result<MultiResView, Error> {
-        let size = [width, height];
-        let texture = |level| -> Result<TextureView, Error> {
-            let texture = plane(device, LABEL, MASK, level_size(size, level), 1)?;
-            Ok(texture.create_view(&wgpu::TextureViewDescriptor::default()))
-        };
-        let edges = [texture(0)?, texture(1)?, texture(2)?, texture(3)?];
-        let mut tiles = 0;
-        let mut levels = Vec::new();
-        for level in 0..LEVELS {
-            let [width, height] = level_size(size, level);
-            tiles += width.div_ceil(8) * height.div_ceil(8);
-            levels.push(LevelBuffers {
-                mask: texture(level)?,
-                pixels: storage(
-                    device,
-                    "deep-screen-space work list",
-                    list_bytes(size, level),
-                    BufferUsages::COPY_SRC,
-                )?,
-                dispatch: storage(
-                    device,
-                    "deep-screen-space work dispatch",
-                    12,
-                    BufferUsages::INDIRECT | BufferUsages::COPY_SRC,
-                )?,
-                stencil: stencils.then(|| create_stencil(device, [width, height])),
-            });
-        }
-        Ok(MultiResView {
-            size,
-            edges,
-            levels,
-            counts: self
-                .scan
-                .buffer(device, "deep-screen-space listed pixels of tiles", tiles)?,
-            recorded: None,
-            has_importance: false,
-        })
+        MultiResView::new(device, &self.scan, [width, height], stencils)
     }
 
     /// Records the masks and the lists of a view.
@@ -322,87 +172,205 @@ impl MultiResMask {
     ) -> Result<(), Error> {
         settings.validate()?;
         check(input, masks)?;
-        let levels = levels(masks.size, settings);
-        let mut pass = compute_pass(encoder, LABEL, input.timestamps);
-
-        let params = uniform(device, LABEL, &EdgeParams::new(input, settings));
-        // Where a texture is not given any other stands in its place, unread.
-        let [shading, edges, importance] = [input.shading, input.edges, input.importance]
-            .map(|given| view(given.unwrap_or(input.gbuffer.normal)));
-        let mut resources = vec![
-            (0, whole(&params)),
-            (1, view(input.gbuffer.depth)),
-            (2, view(input.gbuffer.normal)),
-            (3, shading),
-            (4, edges),
-            (5, importance),
-        ];
-        resources.extend((6..).zip(&masks.edges).map(|(i, edges)| (i, view(edges))));
-        let group = binding::group(device, LABEL, &self.edges_layout, &resources);
-        pass.set_pipeline(&self.find_edges);
-        pass.set_bind_group(0, &group, &[]);
-        pass.dispatch_workgroups(masks.size[0].div_ceil(8), masks.size[1].div_ceil(8), 1);
-
-        let uniforms: Vec<Buffer> = levels
-            .iter()
-            .map(|(_, params)| uniform(device, LABEL, params))
+        self.record_edges(device, encoder, input, settings, masks);
+        let levels: Vec<Level> = levels(masks.size, settings)
+            .into_iter()
+            .map(|(level, params)| Level {
+                level,
+                params,
+                uniform: uniform(device, LABEL, &params),
+            })
             .collect();
-        pass.set_pipeline(&self.widen);
-        // The finest level has no finer one; an edge texture stands in its place, unread.
-        let mut finer = &masks.edges[LEVELS as usize - 1];
-        for ((level, params), uniform) in levels.iter().zip(&uniforms) {
-            let level = *level as usize;
-            let group = binding::group(
-                device,
-                LABEL,
-                &self.widen_layout,
-                &[
-                    (0, whole(uniform)),
-                    (1, view(&masks.edges[level])),
-                    (2, view(finer)),
-                    (3, view(&masks.levels[level].mask)),
-                    (4, whole(&masks.counts.values)),
-                ],
-            );
-            dispatch_tiles(&mut pass, &group, params);
-            finer = &masks.levels[level].mask;
-        }
-
-        self.scan.record(&mut pass, &masks.counts);
-        pass.set_pipeline(&self.list);
-        for ((level, params), uniform) in levels.iter().zip(&uniforms) {
-            let buffers = &masks.levels[*level as usize];
-            let group = binding::group(
-                device,
-                LABEL,
-                &self.list_layout,
-                &[
-                    (0, whole(uniform)),
-                    (1, view(&buffers.mask)),
-                    (2, whole(&masks.counts.values)),
-                    (3, whole(&buffers.pixels)),
-                    (4, whole(&buffers.dispatch)),
-                ],
-            );
-            dispatch_tiles(&mut pass, &group, params);
-        }
-        drop(pass);
-
-        for ((level, _), uniform) in levels.iter().zip(&uniforms) {
-            let buffers = &masks.levels[*level as usize];
-            if let Some(stencil) = &buffers.stencil {
-                let group = binding::group(
-                    device,
-                    LABEL,
-                    &self.stamp_layout,
-                    &[(0, whole(uniform)), (1, view(&buffers.mask))],
-                );
-                draw_stencil(encoder, &self.stamp, &group, stencil);
+        self.record_masks(device, encoder, &levels, masks);
+        self.record_lists(device, encoder, &levels, masks, input.timestamps);
+        for level in &levels {
+            let buffers = &masks.levels[level.level as usize];
+            if let Some(target) = &buffers.stencil {
+                let resources = [(1, view(&buffers.mask))];
+                let group = binding::group(device, LABEL, &self.stamp.layout, &resources);
+                stencil::draw(encoder, &self.stamp.pipeline, &group, target);
             }
         }
         masks.recorded = Some(*settings);
         masks.has_importance = input.importance.is_some();
         Ok(())
+    }
+
+    /// The edges at full resolution.
+    fn record_edges(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        input: &MultiResMaskInput<'_>,
+        settings: &MultiResMaskSettings,
+        masks: &MultiResView,
+    ) {
+        let params = uniform(device, LABEL, &EdgeParams::new(input, settings));
+        let mut resources = vec![
+            (0, whole(&params)),
+            (1, view(input.gbuffer.depth)),
+            (2, view(input.gbuffer.normal)),
+        ];
+        resources.extend(input.shading.map(|shading| (3, view(shading))));
+        // Where one of the two is not given the other stands in its place, unread.
+        let given = [input.edges, input.importance];
+        if let Some(any) = given[0].or(given[1]) {
+            let both = given.map(|own| view(own.unwrap_or(any)));
+            resources.extend((4..).zip(both));
+        }
+        let is_given = usize::from(given.iter().any(Option::is_some));
+        let find = &self.find_edges[usize::from(input.shading.is_some())][is_given];
+        let group = binding::group(device, LABEL, &find.layout, &resources);
+        let begin = input.timestamps.map(|t| RenderPassTimestampWrites {
+            query_set: t.set,
+            beginning_of_pass_write_index: Some(t.begin),
+            end_of_pass_write_index: None,
+        });
+        fill(encoder, Some((find, &group)), &masks.edges[0], begin);
+    }
+
+    /// The masks of all levels, from the finest on.
+    fn record_masks(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        levels: &[Level],
+        masks: &MultiResView,
+    ) {
+        let Some((coarsest, blurred)) = levels.split_last() else {
+            return;
+        };
+        let mut finer: Option<&TextureView> = None;
+        // Up to which level there are edges.
+        let mut known = 0;
+        for level in blurred {
+            let own = level.level as usize;
+            for coarser in known + 1..=own {
+                let resources = [(0, view(&masks.edges[coarser - 1]))];
+                let group = binding::group(device, LABEL, &self.coarsen.layout, &resources);
+                let to = &masks.edges[coarser];
+                fill(encoder, Some((&self.coarsen, &group)), to, None);
+            }
+            known = own;
+            let widen = &self.widen[usize::from(finer.is_some())];
+            let mut resources = vec![(0, whole(&level.uniform)), (1, view(&masks.edges[own]))];
+            resources.extend(finer.map(|finer| (2, view(finer))));
+            let group = binding::group(device, LABEL, &widen.layout, &resources);
+            let mask = &masks.levels[own].mask;
+            fill(encoder, Some((widen, &group)), mask, None);
+            finer = Some(mask);
+        }
+        // It has everything.
+        let mask = &masks.levels[coarsest.level as usize].mask;
+        fill(encoder, None, mask, None);
+    }
+
+    /// The lists of all levels. It is the last pass with timestamps.
+    fn record_lists(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        levels: &[Level],
+        masks: &MultiResView,
+        timestamps: Option<Timestamps<'_>>,
+    ) {
+        let groups: Vec<(BindGroup, u32)> = levels
+            .iter()
+            .map(|level| {
+                let buffers = &masks.levels[level.level as usize];
+                let resources = [
+                    (0, whole(&level.uniform)),
+                    (1, view(&buffers.mask)),
+                    (2, whole(&masks.counts.values)),
+                    (3, whole(&buffers.pixels)),
+                    (4, whole(&buffers.dispatch)),
+                ];
+                let group = binding::group(device, LABEL, &self.list_layout, &resources);
+                let [columns, rows] = level.params.tiles;
+                (group, (columns * rows).div_ceil(WORKGROUP))
+            })
+            .collect();
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some(LABEL),
+            timestamp_writes: timestamps.map(|t| wgpu::ComputePassTimestampWrites {
+                query_set: t.set,
+                beginning_of_pass_write_index: None,
+                end_of_pass_write_index: Some(t.end),
+            }),
+        });
+        pass.set_pipeline(&self.count);
+        for (group, workgroups) in &groups {
+            pass.set_bind_group(0, group, &[]);
+            pass.dispatch_workgroups(*workgroups, 1, 1);
+        }
+        self.scan.record(&mut pass, &masks.counts);
+        pass.set_pipeline(&self.list);
+        for (group, workgroups) in &groups {
+            pass.set_bind_group(0, group, &[]);
+            pass.dispatch_workgroups(*workgroups, 1, 1);
+        }
+    }
+}
+
+/// A level that is recorded.
+struct Level {
+    level: u32,
+    params: LevelParams,
+    uniform: Buffer,
+}
+
+impl Drawn {
+    fn new(
+        device: &Device,
+        stage: MaskStage,
+        entry: &str,
+        cache: Option<&PipelineCache>,
+    ) -> Result<Self, Error> {
+        let layout = stage.layout(device);
+        let pipeline = Screen {
+            label: LABEL,
+            module: &shader::create(device, LABEL, source(stage)?),
+            entry,
+            layout: &layout,
+            constants: &[],
+            target: BLOCK,
+            cache,
+        }
+        .create(device);
+        Ok(Self { layout, pipeline })
+    }
+}
+
+/// Draws all of a texture, or sets all of it to 1.
+fn fill(
+    encoder: &mut CommandEncoder,
+    drawn: Option<(&Drawn, &BindGroup)>,
+    target: &TextureView,
+    timestamps: Option<RenderPassTimestampWrites<'_>>,
+) {
+    let clear = if drawn.is_some() {
+        wgpu::Color::TRANSPARENT
+    } else {
+        wgpu::Color::WHITE
+    };
+    let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        label: Some(LABEL),
+        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+            view: target,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations {
+                load: wgpu::LoadOp::Clear(clear),
+                store: wgpu::StoreOp::Store,
+            },
+        })],
+        timestamp_writes: timestamps,
+        ..Default::default()
+    });
+    if let Some((drawn, group)) = drawn {
+        pass.set_pipeline(&drawn.pipeline);
+        pass.set_bind_group(0, group, &[]);
+        pass.draw(0..3, 0..1);
     }
 }
 
@@ -437,127 +405,62 @@ fn check(input: &MultiResMaskInput<'_>, masks: &MultiResView) -> Result<(), Erro
     Ok(())
 }
 
-/// A workgroup each tile of a level.
-fn dispatch_tiles(pass: &mut wgpu::ComputePass<'_>, group: &wgpu::BindGroup, params: &LevelParams) {
-    pass.set_bind_group(0, group, &[]);
-    pass.dispatch_workgroups(params.tiles[0], params.tiles[1], 1);
-}
-
-fn create_stencil(device: &Device, [width, height]: [u32; 2]) -> TextureView {
-    device
-        .create_texture(&wgpu::TextureDescriptor {
-            label: Some("deep-screen-space multi-resolution stencil"),
-            size: wgpu::Extent3d {
-                width,
-                height,
-                depth_or_array_layers: 1,
-            },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: STENCIL,
-            usage: TextureUsages::RENDER_ATTACHMENT
-                | TextureUsages::TEXTURE_BINDING
-                | TextureUsages::COPY_SRC,
-            view_formats: &[],
-        })
-        .create_view(&wgpu::TextureViewDescriptor::default())
-}
-
-/// The pipeline that writes stencils: nothing else is attached.
-fn stamp(
-    device: &Device,
-    layout: &BindGroupLayout,
-    cache: Option<&PipelineCache>,
-) -> Result<RenderPipeline, Error> {
-    let module = shader::create(device, LABEL, source(MaskStage::Stamp)?);
-    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some(LABEL),
-        bind_group_layouts: &[Some(layout)],
-        immediate_size: 0,
-    });
-    let face = StencilFaceState {
-        compare: CompareFunction::Always,
-        pass_op: StencilOperation::Replace,
-        ..Default::default()
-    };
-    Ok(
-        device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some(LABEL),
-            layout: Some(&layout),
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: Some("cover"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                buffers: &[],
-            },
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: Some(wgpu::DepthStencilState {
-                format: STENCIL,
-                depth_write_enabled: None,
-                depth_compare: None,
-                stencil: wgpu::StencilState {
-                    front: face,
-                    back: face,
-                    read_mask: 0xff,
-                    write_mask: 0xff,
-                },
-                bias: wgpu::DepthBiasState::default(),
-            }),
-            multisample: wgpu::MultisampleState::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: Some("stamp"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                targets: &[],
-            }),
-            multiview_mask: None,
-            cache,
-        }),
-    )
-}
-
-/// 1 where a level's mask is above 0, and 0 elsewhere.
-fn draw_stencil(
-    encoder: &mut CommandEncoder,
-    pipeline: &RenderPipeline,
-    group: &wgpu::BindGroup,
-    stencil: &TextureView,
-) {
-    let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-        label: Some(LABEL),
-        depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-            view: stencil,
-            depth_ops: None,
-            stencil_ops: Some(wgpu::Operations {
-                load: wgpu::LoadOp::Clear(0),
-                store: wgpu::StoreOp::Store,
-            }),
-        }),
-        ..Default::default()
-    });
-    pass.set_pipeline(pipeline);
-    pass.set_bind_group(0, group, &[]);
-    pass.set_stencil_reference(1);
-    pass.draw(0..3, 0..1);
-}
-
 /// The modules that a mask is made of.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum MaskStage {
-    Edges,
-    Widen,
+    Edges { shading: bool, given: bool },
+    Coarsen,
+    Widen { finer: bool },
     List,
     Stamp,
 }
 
+impl MaskStage {
+    fn flags(self) -> Vec<&'static str> {
+        match self {
+            Self::Edges { shading, given } => [
+                Some("EDGES"),
+                shading.then_some("SHADING"),
+                given.then_some("GIVEN"),
+            ]
+            .into_iter()
+            .flatten()
+            .collect(),
+            Self::Coarsen => vec!["COARSEN"],
+            Self::Widen { finer } => ["WIDEN"]
+                .into_iter()
+                .chain(finer.then_some("FINER"))
+                .collect(),
+            Self::List => vec!["LIST"],
+            Self::Stamp => Vec::new(),
+        }
+    }
+
+    /// What a stage binds that draws.
+    fn layout(self, device: &Device) -> BindGroupLayout {
+        let textures: &[u32] = match self {
+            Self::Edges { shading, given } => match (shading, given) {
+                (false, false) => &[1, 2],
+                (true, false) => &[1, 2, 3],
+                (false, true) => &[1, 2, 4, 5],
+                (true, true) => &[1, 2, 3, 4, 5],
+            },
+            Self::Coarsen => &[0],
+            Self::Widen { finer: true } => &[1, 2],
+            _ => &[1],
+        };
+        let mut entries: Vec<_> = textures
+            .iter()
+            .map(|&binding| (binding, FLOAT_2D))
+            .collect();
+        if matches!(self, Self::Edges { .. } | Self::Widen { .. }) {
+            entries.push((0, UNIFORM));
+        }
+        binding::layout(device, LABEL, ShaderStages::FRAGMENT, &entries)
+    }
+}
+
 /// Assembles one of them.
 pub(crate) fn source(stage: MaskStage) -> Result<String, Error> {
-    let flags: &[&str] = match stage {
-        MaskStage::Edges => &["EDGES"],
-        MaskStage::Widen => &["WIDEN"],
-        MaskStage::List => &["LIST"],
-        MaskStage::Stamp => &[],
-    };
-    shader::assemble("multi_res_mask", SOURCE, flags, &[])
+    shader::assemble("multi_res_mask", SOURCE, &stage.flags(), &[])
 }

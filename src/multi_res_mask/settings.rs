@@ -5,8 +5,8 @@ use crate::{
     work::LEVELS,
 };
 
-/// How wide a level's blur may reach, pixels of the level; `MAX_RADIUS` of the shader.
-const MAX_RADIUS: u32 = 8;
+/// How wide a level's blur may reach, pixels of the level.
+pub(crate) const MAX_RADIUS: u32 = 8;
 
 /// A sub-image of a [`MultiResMask`](crate::MultiResMask).
 #[derive(Clone, Copy, Debug, PartialEq)]

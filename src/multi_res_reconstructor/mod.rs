@@ -5,24 +5,27 @@ pub(crate) mod params;
 pub(crate) mod settings;
 
 use wgpu::{
-    BindGroupLayout, BindingType, CommandEncoder, Device, PipelineCache, RenderPipeline,
-    ShaderStages, TextureFormat, TextureUsages, TextureView,
+    BindGroupLayout, CommandEncoder, ComputePass, ComputePipeline, Device, PipelineCache,
+    RenderPipeline, ShaderStages, TextureFormat, TextureUsages, TextureView, TextureViewDimension,
 };
 
-use self::{params::MultiResReconstructorParams, settings::MultiResReconstructorSettings};
+use self::{
+    params::{MultiResReconstructorParams, alike},
+    settings::MultiResReconstructorSettings,
+};
 use crate::{
     camera::Camera,
     effect::Channels,
     error::Error,
     gbuffer::{GBuffer, check_plain},
     gpu::{
-        Timestamps,
-        binding::{self, FLOAT_2D, UNIFORM, view, whole},
-        check_timestamps,
+        Kernel, Timestamps,
+        binding::{self, FLOAT_2D, READ, UNIFORM, view, whole},
+        check_timestamps, first_pass,
         screen::{self, Screen},
         shader, uniform,
     },
-    multi_res_mask::{MultiResView, settings::MultiResMaskSettings},
+    multi_res_mask::{settings::MultiResMaskSettings, view::MultiResView},
     receivers::{plane_bytes, plane_for},
     work::{LEVELS, level_size},
 };
@@ -31,27 +34,38 @@ pub(crate) const SOURCE: &str = include_str!("../../wgsl/multi_res_reconstructor
 
 const LABEL: &str = "deep-screen-space multi-resolution reconstructor";
 
-/// Blends the sub-images of an effect, coarse to fine, into the caller's texture: bilinear among the pixels that were
-/// computed and lie on the pixel's own surface. A pixel of which a level has none takes the next coarser one; of the
-/// coarsest, which has all, it takes the nearest of other surfaces where none is of its own.
+/// Blends the sub-images of an effect, coarse to fine, into the caller's texture. Each level is completed at its own
+/// resolution: bilinear among the pixels of the next coarser one that lie on the pixel's own surface, or the nearest of
+/// other surfaces where none is of its own, and over that, where it is listed, its own image.
 ///
 /// A value that is not finite counts as not computed.
 ///
-/// Holds a pipeline only, for one number of channels and one target format; one serves any number of views.
+/// Surfaces are compared for what is listed on a level alone, where that level's blur reaches as far as the next coarser
+/// level's pixels lie, thresholds are 0 and no importance was given: all presets but the finest level of
+/// [`MultiResMaskSettings::INDIRECT`]. Elsewhere they are for each pixel.
+///
+/// Holds pipelines only, for one number of channels and one target format; one serves any number of views.
 #[derive(Debug)]
 pub struct MultiResReconstructor {
     channels: Channels,
     target: TextureFormat,
-    layout: BindGroupLayout,
-    blend: RenderPipeline,
+    level_layout: BindGroupLayout,
+    /// By whether all pixels about one are on its surface, unless it is listed.
+    complete: [ComputePipeline; 2],
+    mend: ComputePipeline,
+    blend_layout: BindGroupLayout,
+    /// As `complete`.
+    blend: [RenderPipeline; 2],
 }
 
-/// A texture for each level: what an effect writes and the reconstructor reads.
+/// A texture for each level: what an effect writes and the reconstructor reads; and one that it completes in.
 #[derive(Debug)]
 pub struct SubImages {
     size: [u32; 2],
     channels: Channels,
     levels: [Option<TextureView>; LEVELS as usize],
+    /// Of all levels but the coarsest, which is complete.
+    completed: [Option<TextureView>; LEVELS as usize],
 }
 
 impl SubImages {
@@ -64,8 +78,9 @@ impl SubImages {
     /// GPU memory that it owns, bytes.
     pub fn memory_bytes(&self) -> u64 {
         let bytes = |level| plane_bytes(format(self.channels), level_size(self.size, level), 1);
-        (0..)
-            .zip(&self.levels)
+        [&self.levels, &self.completed]
+            .into_iter()
+            .flat_map(|views| (0..).zip(views))
             .filter_map(|(level, view)| view.as_ref().map(|_| bytes(level)))
             .sum()
     }
@@ -101,26 +116,49 @@ impl MultiResReconstructor {
         cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
         screen::check_format(device, "MultiResReconstructor target", target)?;
-        let entries: Vec<(u32, BindingType)> = std::iter::once((0, UNIFORM))
-            .chain((1..=10).map(|binding| (binding, FLOAT_2D)))
-            .collect();
-        let layout = binding::layout(device, LABEL, ShaderStages::FRAGMENT, &entries);
-        let module = shader::create(device, LABEL, source(channels)?);
-        let blend = Screen {
-            label: LABEL,
-            module: &module,
-            entry: "blend",
-            layout: &layout,
-            constants: &[],
-            target,
-            cache,
-        }
-        .create(device);
+        let read = |bindings: std::ops::RangeInclusive<u32>| {
+            let textures = bindings.map(|binding| (binding, FLOAT_2D));
+            std::iter::once((0, UNIFORM)).chain(textures)
+        };
+        let store = binding::store(format(channels), TextureViewDimension::D2);
+        let level_entries: Vec<_> = read(1..=5).chain([(6, READ), (7, store)]).collect();
+        let level_layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &level_entries);
+        let blend_entries: Vec<_> = read(1..=5).collect();
+        let blend_layout = binding::layout(device, LABEL, ShaderStages::FRAGMENT, &blend_entries);
+        let constants = |alike: bool| [("ALIKE", f64::from(u8::from(alike)))];
+        let module = shader::create(device, LABEL, source(channels, false)?);
+        let kernel = |entry, alike| {
+            Kernel {
+                label: LABEL,
+                module: &module,
+                entry,
+                layouts: &[&level_layout],
+                constants: &constants(alike),
+                cache,
+            }
+            .create(device)
+        };
+        let screen = shader::create(device, LABEL, source(channels, true)?);
+        let blend = |alike| {
+            Screen {
+                label: LABEL,
+                module: &screen,
+                entry: "blend",
+                layout: &blend_layout,
+                constants: &constants(alike),
+                target,
+                cache,
+            }
+            .create(device)
+        };
         Ok(Self {
             channels,
             target,
-            layout,
-            blend,
+            complete: [kernel("complete", false), kernel("complete", true)],
+            mend: kernel("mend", false),
+            blend: [blend(false), blend(true)],
+            level_layout,
+            blend_layout,
         })
     }
 
@@ -138,24 +176,33 @@ impl MultiResReconstructor {
     ) -> Result<SubImages, Error> {
         settings.validate()?;
         let size = [width, height];
-        let mut levels = [const { None }; LEVELS as usize];
-        for (level, _) in settings.present() {
+        let texture = |level| -> Result<_, Error> {
+            let size = level_size(size, level);
             let texture = plane_for(
                 device,
                 "deep-screen-space sub-image",
                 format(self.channels),
-                level_size(size, level),
+                size,
                 1,
                 TextureUsages::RENDER_ATTACHMENT,
             )?;
-            levels[level as usize] =
-                Some(texture.create_view(&wgpu::TextureViewDescriptor::default()));
-        }
-        Ok(SubImages {
+            Ok(Some(
+                texture.create_view(&wgpu::TextureViewDescriptor::default()),
+            ))
+        };
+        let mut images = SubImages {
             size,
             channels: self.channels,
-            levels,
-        })
+            levels: [const { None }; LEVELS as usize],
+            completed: [const { None }; LEVELS as usize],
+        };
+        for (level, _) in settings.present() {
+            images.levels[level as usize] = texture(level)?;
+            if level != settings.coarsest() {
+                images.completed[level as usize] = texture(level)?;
+            }
+        }
+        Ok(images)
     }
 
     /// Records the blend into the caller's texture.
@@ -174,39 +221,100 @@ impl MultiResReconstructor {
         settings.validate()?;
         check_timestamps(input.timestamps)?;
         let mask = self.check(input)?;
-        let params = uniform(
-            device,
-            LABEL,
-            &MultiResReconstructorParams::new(input, mask, *settings),
-        );
-        let mut resources = vec![
-            (0, whole(&params)),
+        let images = input.images;
+        let alike = alike(mask, input.masks.has_importance());
+        let mut coarse = (mask.coarsest(), images.level(mask.coarsest()));
+        let levels: Vec<u32> = mask.present().map(|(level, _)| level).collect();
+        let mut pass = first_pass(encoder, LABEL, input.timestamps);
+        for &level in levels.iter().rev().skip(1) {
+            let params =
+                MultiResReconstructorParams::new(input, mask, *settings, [level, coarse.0]);
+            let own = images.level(level);
+            let result = images.completed[level as usize].as_ref();
+            if let (Some(coarse), Some(own), Some(result)) = (coarse.1, own, result) {
+                let is_alike = alike & (1 << params.coarser) != 0;
+                let textures = [coarse, own, result];
+                self.record_level(device, &mut pass, input, &params, textures, is_alike);
+            }
+            // The finest level's other pixels are what the target has.
+            if level > 0 {
+                coarse = (level, result);
+            }
+        }
+        drop(pass);
+        let finest = if coarse.0 == 0 {
+            images.level(0)
+        } else {
+            images.completed[0].as_ref()
+        };
+        let params = MultiResReconstructorParams::new(input, mask, *settings, [0, coarse.0]);
+        // Where the finest level is left out others stand in its place, unread.
+        if let (Some(coarse), Some(mask)) = (
+            coarse.1,
+            input.masks.mask(0).or(input.masks.mask(mask.coarsest())),
+        ) {
+            let uniform = uniform(device, LABEL, &params);
+            let resources = [
+                (0, whole(&uniform)),
+                (1, view(input.gbuffer.depth)),
+                (2, view(input.gbuffer.normal)),
+                (3, view(coarse)),
+                (4, view(mask)),
+                (5, view(finest.unwrap_or(coarse))),
+            ];
+            let group = binding::group(device, LABEL, &self.blend_layout, &resources);
+            // Of one level all is listed.
+            let is_alike = params.coarser == 0 || alike & (1 << params.coarser) != 0;
+            screen::draw(
+                encoder,
+                LABEL,
+                (&self.blend[usize::from(is_alike)], &group),
+                input.target,
+                input.camera.viewport(),
+                input.timestamps,
+                false,
+            );
+        }
+        Ok(())
+    }
+
+    /// Completes a level, of the finest its listed pixels alone. The textures are the next coarser level's, the level's own
+    /// and the result.
+    fn record_level(
+        &self,
+        device: &Device,
+        pass: &mut ComputePass<'_>,
+        input: &MultiResReconstructorInput<'_>,
+        params: &MultiResReconstructorParams,
+        [coarse, own, result]: [&TextureView; 3],
+        is_alike: bool,
+    ) {
+        let (Some(mask), Some(work)) = (
+            input.masks.mask(params.level),
+            input.masks.work(params.level),
+        ) else {
+            return;
+        };
+        let uniform = uniform(device, LABEL, params);
+        let resources = [
+            (0, whole(&uniform)),
             (1, view(input.gbuffer.depth)),
             (2, view(input.gbuffer.normal)),
+            (3, view(coarse)),
+            (4, view(mask)),
+            (5, view(own)),
+            (6, whole(work.pixels)),
+            (7, view(result)),
         ];
-        // Where a level is left out another's textures stand, unread.
-        let present = |level| {
-            if mask.levels[level as usize].is_some() {
-                level
-            } else {
-                mask.coarsest()
-            }
-        };
-        let (masks, images) = (input.masks, input.images);
-        let levels = || (0..LEVELS).map(present);
-        resources.extend((3..).zip(levels().filter_map(|l| masks.mask(l)).map(view)));
-        resources.extend((7..).zip(levels().filter_map(|l| images.level(l)).map(view)));
-        let group = binding::group(device, LABEL, &self.layout, &resources);
-        screen::draw(
-            encoder,
-            LABEL,
-            (&self.blend, &group),
-            input.target,
-            input.camera.viewport(),
-            input.timestamps,
-            true,
-        );
-        Ok(())
+        let group = binding::group(device, LABEL, &self.level_layout, &resources);
+        pass.set_bind_group(0, &group, &[]);
+        if params.level > 0 {
+            let [width, height] = level_size(input.masks.size(), params.level);
+            pass.set_pipeline(&self.complete[usize::from(is_alike)]);
+            pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), 1);
+        }
+        pass.set_pipeline(&self.mend);
+        pass.dispatch_workgroups_indirect(work.dispatch, 0);
     }
 
     /// The settings of the masks, after all checks.
@@ -285,11 +393,14 @@ fn format(channels: Channels) -> TextureFormat {
     }
 }
 
-/// Assembles the module.
-pub(crate) fn source(channels: Channels) -> Result<String, Error> {
-    let flags: &[&str] = match channels {
-        Channels::One => &[],
-        Channels::Three => &["COLOR"],
-    };
-    shader::assemble("multi_res_reconstructor", SOURCE, flags, &[])
+/// Assembles the module of the levels, or that of the blend.
+pub(crate) fn source(channels: Channels, blend: bool) -> Result<String, Error> {
+    let flags: Vec<&str> = [
+        (channels == Channels::Three).then_some("COLOR"),
+        blend.then_some("BLEND"),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    shader::assemble("multi_res_reconstructor", SOURCE, &flags, &[])
 }

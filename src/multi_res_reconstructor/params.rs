@@ -3,21 +3,19 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::{MultiResReconstructorInput, settings::MultiResReconstructorSettings};
-use crate::{
-    multi_res_mask::settings::MultiResMaskSettings, receivers::ReceiversParams, work::LEVELS,
-};
+use crate::{multi_res_mask::settings::MultiResMaskSettings, receivers::ReceiversParams};
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct MultiResReconstructorParams {
     pub(crate) gbuffer: ReceiversParams,
-    pub(crate) weights: [f32; LEVELS as usize],
-    pub(crate) levels: u32,
-    pub(crate) coarsest: u32,
+    pub(crate) level: u32,
+    pub(crate) coarser: u32,
+    pub(crate) weight: f32,
     pub(crate) plane_distance: f32,
     pub(crate) normal_power: f32,
-    pub(crate) alike: u32,
-    pub(crate) padding: [u32; 3],
+    pub(crate) has_own: u32,
+    pub(crate) padding: [u32; 2],
 }
 
 /// A bit for each level whose pixels about one are on its surface where the next finer level has nothing listed there: its
@@ -36,23 +34,24 @@ pub(crate) fn alike(mask: &MultiResMaskSettings, has_importance: bool) -> u32 {
 }
 
 impl MultiResReconstructorParams {
+    /// Of a level and the next coarser one.
     pub fn new(
         input: &MultiResReconstructorInput<'_>,
         mask: &MultiResMaskSettings,
         settings: MultiResReconstructorSettings,
+        [level, coarser]: [u32; 2],
     ) -> Self {
+        let own = mask.levels[level as usize];
         Self {
             gbuffer: ReceiversParams::new(&input.gbuffer, input.camera, input.camera.eye()),
+            level,
+            coarser,
             // The masks' smallest values times what stands for infinity are 1 and more.
-            weights: mask
-                .levels
-                .map(|level| level.map_or(0.0, |l| l.weight.min(1e30))),
-            levels: mask.present().map(|(level, _)| 1 << level).sum(),
-            coarsest: mask.coarsest(),
+            weight: own.map_or(0.0, |own| own.weight.min(1e30)),
             plane_distance: settings.plane_distance,
             normal_power: settings.normal_power,
-            alike: alike(mask, input.masks.has_importance()),
-            padding: [0; 3],
+            has_own: u32::from(own.is_some()),
+            padding: [0; 2],
         }
     }
 }

@@ -45,6 +45,18 @@ fn beyond(value: f64, threshold: f32) -> f64 {
     }
 }
 
+/// Differs from any shading.
+const GARBAGE: f64 = 1e30;
+
+/// As a texture of 8 bits has it: what is above 0 stays above 0.
+pub fn stored(value: f64) -> f64 {
+    if value > 0.0 {
+        (value * 255.0).round().max(1.0) / 255.0
+    } else {
+        0.0
+    }
+}
+
 fn sound(value: f64) -> f64 {
     if value.is_finite() {
         value.clamp(0.0, 1.0)
@@ -77,7 +89,13 @@ impl Edges<'_> {
             normal: self.decoder.decode_normal(self.normal[i], DVec3::ZERO),
             depth: self.depth[i],
             linear: self.linear(pixel, self.depth[i]),
-            shade: self.shading.map_or(0.0, |shading| shading[i]),
+            shade: self.shading.map_or(0.0, |shading| {
+                if shading[i].is_finite() {
+                    shading[i]
+                } else {
+                    GARBAGE
+                }
+            }),
         }
     }
 
@@ -92,25 +110,27 @@ impl Edges<'_> {
         ))
     }
 
-    fn second_difference(&self, samples: [&Sample; 3]) -> f64 {
-        let [Some(before), Some(centre), Some(after)] = samples.map(|s| s.linear) else {
+    /// Of what is linear over the image on a plane: its share that is linear in the pixel drops out, so that depth alone
+    /// is left.
+    fn second_difference(&self, pixel: [u32; 2], samples: [&Sample; 3]) -> f64 {
+        if samples.iter().any(|s| s.linear.is_none()) {
             return 0.0;
-        };
+        }
         let camera = self.decoder.camera;
-        let depth = samples.iter().fold(0.0, |m: f64, s| m.max(s.depth.abs()));
+        let depths = samples.map(|s| s.depth);
+        let depth = depths.iter().fold(0.0, |m: f64, d| m.max(d.abs()));
         let step =
             f64::from(depth_step(self.decoder.depth_format)) + f64::from(DEPTH_RELATIVE) * depth;
-        // Linear in the stored depth too.
-        let at = |depth| self.linear([0, 0], depth).unwrap_or(0.0);
-        let slope = (at(0.5) - at(0.25)).abs() / 0.25;
+        let at = |pixel, depth| self.linear(pixel, depth).unwrap_or(0.0);
+        let slope = (at([0, 0], 0.5) - at([0, 0], 0.25)).abs() / 0.25;
         let scale = if camera.is_perspective() {
-            before.max(after).max(centre)
+            depths.iter().fold(0.0, |m: f64, &d| m.max(at(pixel, d)))
         } else {
             camera.footprint().pixel * f64::from(self.size()[1])
         };
-        let difference = (before - 2.0 * centre + after).abs();
+        let difference = (depths[0] - 2.0 * depths[1] + depths[2]).abs();
         beyond(
-            (difference - 4.0 * step * slope).max(0.0) / scale,
+            (difference - 4.0 * step).max(0.0) * slope / scale,
             self.settings.depth_threshold,
         )
     }
@@ -130,8 +150,11 @@ impl Edges<'_> {
                 value = value.max(self.first_difference(&centre, neighbour));
             }
             if let (Some(before), Some(after)) = (before, after) {
-                value = value.max(self.second_difference([&before, &centre, &after]));
+                value = value.max(self.second_difference(pixel, [&before, &centre, &after]));
             }
+        }
+        if centre.linear.is_some() && centre.shade == GARBAGE {
+            value = 1.0;
         }
         let i = (pixel[1] * self.size()[0] + pixel[0]) as usize;
         if let Some(extra) = self.extra {
@@ -143,11 +166,11 @@ impl Edges<'_> {
         value
     }
 
-    /// The edges of all pixels.
+    /// The edges of all pixels, as they are stored.
     pub fn find(&self) -> Vec<f64> {
         let [width, height] = self.size();
         (0..width * height)
-            .map(|i| self.edge([i % width, i / width]))
+            .map(|i| stored(self.edge([i % width, i / width])))
             .collect()
     }
 }
@@ -164,7 +187,7 @@ pub fn coarsen(image: &[f64], [width, height]: [u32; 2], level: u32) -> Vec<f64>
     coarse
 }
 
-/// A level's edges blurred along rows and columns, with the image's border going on beyond it.
+/// A level's edges blurred along rows and columns; beyond the image there are none.
 fn blur(image: &[f64], [width, height]: [u32; 2], radius: i32, variance: f64) -> Vec<f64> {
     let bell = |offset: i32| (-f64::from(offset * offset) * 0.5 / variance.max(1e-6)).exp();
     let total: f64 = (-radius..=radius).map(bell).sum();
@@ -174,8 +197,13 @@ fn blur(image: &[f64], [width, height]: [u32; 2], radius: i32, variance: f64) ->
                 let [x, y] = [i % width as i32, i / width as i32];
                 let sum: f64 = (-radius..=radius)
                     .map(|offset| {
-                        let there_x = (x + offset * along[0]).clamp(0, width as i32 - 1);
-                        let there_y = (y + offset * along[1]).clamp(0, height as i32 - 1);
+                        let there_x = x + offset * along[0];
+                        let there_y = y + offset * along[1];
+                        let inside = (0..width as i32).contains(&there_x)
+                            && (0..height as i32).contains(&there_y);
+                        if !inside {
+                            return 0.0;
+                        }
                         image[(there_y * width as i32 + there_x) as usize] * bell(offset)
                     })
                     .sum();
@@ -186,7 +214,7 @@ fn blur(image: &[f64], [width, height]: [u32; 2], radius: i32, variance: f64) ->
     pass(&pass(image, [1, 0]), [0, 1])
 }
 
-/// The masks of all levels that there are, of edges at full resolution.
+/// The masks of all levels that there are, as they are stored, of edges at full resolution.
 pub fn masks(
     edges: &[f64],
     size: [u32; 2],
@@ -200,8 +228,9 @@ pub fn masks(
         let radius = own.radius() as i32;
         let mut mask = blur(&coarse, own_size, radius, f64::from(own.variance));
         for value in &mut mask {
-            *value = if *value > f64::from(own.threshold) {
-                value.min(1.0)
+            let blurred = value.min(1.0);
+            *value = if blurred > f64::from(own.threshold) {
+                stored(blurred)
             } else {
                 0.0
             };
@@ -221,13 +250,14 @@ pub fn masks(
     masks
 }
 
-/// The listed pixels of a mask `width` pixels wide, `x | y << 16`: in the order of tiles of 8 × 8, and of rows within a tile.
+/// The listed pixels of a mask `width` pixels wide, `x | y << 16`: in the order of tiles of 8 × 8, of blocks of 2 × 2 within
+/// a tile, and of rows within a block.
 pub fn list(mask: &[f32], width: u32) -> Vec<u32> {
     let mut listed: Vec<[u32; 2]> = (0..)
         .zip(mask)
         .filter(|(_, value)| **value > 0.0)
         .map(|(i, _)| [i % width, i / width])
         .collect();
-    listed.sort_by_key(|&[x, y]| [y / 8, x / 8, y, x]);
+    listed.sort_by_key(|&[x, y]| [y / 8, x / 8, y / 2, x / 2, y, x]);
     listed.into_iter().map(|[x, y]| x | y << 16).collect()
 }

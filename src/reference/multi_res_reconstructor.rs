@@ -9,7 +9,6 @@ use crate::{
 };
 
 const STRANGER: f64 = 1e-4;
-const CONFIDENT: f64 = 0.125;
 
 /// What a blend works on.
 #[derive(Clone, Copy, Debug)]
@@ -75,81 +74,70 @@ impl Blend<'_> {
         ([first, last], share.clamp(0.0, 1.0))
     }
 
-    /// A level's mask at a pixel.
-    fn mask_at(&self, pixel: [u32; 2], level: u32) -> f64 {
-        let Some(mask) = &self.masks[level as usize] else {
-            return 1.0;
-        };
+    /// What a coarser level's image gives at a pixel; 0 where it has nothing finite.
+    fn from_coarser(&self, pixel: [u32; 2], level: u32, image: &[DVec3], is_alike: bool) -> DVec3 {
         let width = level_size(self.size(), level)[0];
-        let (columns, share_x) = self.between(pixel[0], level, 0);
-        let (rows, share_y) = self.between(pixel[1], level, 1);
-        let at = |x: usize, y: usize| mask[(rows[y] * width + columns[x]) as usize];
-        let row = |y| at(0, y) * (1.0 - share_x) + at(1, y) * share_x;
-        row(0) * (1.0 - share_y) + row(1) * share_y
-    }
-
-    /// Whether all of a level's pixels about one are on its surface, by the next finer level.
-    fn is_alike(&self, pixel: [u32; 2], level: u32) -> bool {
-        let finer = (0..level).rev().find(|&l| self.masks[l as usize].is_some());
-        alike(self.mask_settings, self.has_importance) & (1 << level) != 0
-            && finer.is_some_and(|finer| self.mask_at(pixel, finer) == 0.0)
-    }
-
-    /// A level's value at a pixel, and how much of it there is.
-    fn layer(&self, pixel: [u32; 2], level: u32) -> (DVec3, f64) {
-        let (Some(mask), Some(image)) = (&self.masks[level as usize], &self.images[level as usize])
-        else {
-            return (DVec3::ZERO, 0.0);
-        };
-        let width = level_size(self.size(), level)[0];
-        let weight = self.mask_settings.levels[level as usize].map_or(0.0, |l| f64::from(l.weight));
         let (columns, share_x) = self.between(pixel[0], level, 0);
         let (rows, share_y) = self.between(pixel[1], level, 1);
         let p = self.receiver(pixel);
-        let share_of_mask = self.mask_at(pixel, level);
-        let is_alike = level == 0 || self.is_alike(pixel, level);
-        let (mut value, mut total, mut own) = (DVec3::ZERO, 0.0, 0.0);
+        let (mut value, mut total) = (DVec3::ZERO, 0.0);
         for (y, share_y) in [(rows[0], 1.0 - share_y), (rows[1], share_y)] {
             for (x, share_x) in [(columns[0], 1.0 - share_x), (columns[1], share_x)] {
-                let i = (y * width + x) as usize;
-                let share = share_x * share_y;
-                if share > 0.0 && mask[i] > 0.0 && image[i].is_finite() {
+                let there = image[(y * width + x) as usize];
+                let mut weight = share_x * share_y;
+                if !is_alike {
                     let q = self.receiver(stands_for([x, y], level, self.size()));
-                    let alike = if is_alike {
-                        1.0
-                    } else {
-                        self.similarity(p, q, level)
-                    };
-                    value += share * (alike + STRANGER) * image[i];
-                    total += share * (alike + STRANGER);
-                    own += share * alike;
+                    weight *= self.similarity(p, q, level) + STRANGER;
+                }
+                if there.is_finite() {
+                    value += weight * there;
+                    total += weight;
                 }
             }
         }
-        let alpha = if level == self.mask_settings.coarsest() {
-            1.0
-        } else if share_of_mask > 0.0 {
-            (share_of_mask * weight).min(1.0) * (own / CONFIDENT).min(1.0)
-        } else {
-            0.0
-        };
-        (value / f64::max(total, 1e-30), alpha)
+        value / f64::max(total, 1e-30)
+    }
+
+    /// A level's image completed with that of the next coarser level.
+    fn complete(&self, level: u32, coarser: u32, coarse: &[DVec3]) -> Vec<DVec3> {
+        let [width, height] = level_size(self.size(), level);
+        let all_alike = alike(self.mask_settings, self.has_importance) & (1 << coarser) != 0;
+        let weight = self.mask_settings.levels[level as usize].map_or(0.0, |l| f64::from(l.weight));
+        let own = self.masks[level as usize]
+            .as_ref()
+            .zip(self.images[level as usize].as_ref());
+        (0..width * height)
+            .map(|i| {
+                let (mask, value) = own.map_or((0.0, DVec3::ZERO), |(mask, image)| {
+                    (mask[i as usize], image[i as usize])
+                });
+                let is_alike = all_alike && mask == 0.0;
+                let pixel = stands_for([i % width, i / width], level, self.size());
+                let coarser = self.from_coarser(pixel, coarser, coarse, is_alike);
+                if mask == 0.0 || !value.is_finite() {
+                    return coarser;
+                }
+                let alpha = (mask * weight).min(1.0);
+                value * alpha + coarser * (1.0 - alpha)
+            })
+            .collect()
     }
 
     /// The image, rows from the top.
     pub fn image(&self) -> Vec<DVec3> {
-        let [width, height] = self.size();
-        (0..width * height)
-            .map(|i| {
-                let mut value = DVec3::ZERO;
-                for level in (0..=self.mask_settings.coarsest()).rev() {
-                    let (own, alpha) = self.layer([i % width, i / width], level);
-                    if alpha > 0.0 {
-                        value = own * alpha + value * (1.0 - alpha);
-                    }
-                }
-                value
-            })
-            .collect()
+        let mut coarser = self.mask_settings.coarsest();
+        let mut image = self.images[coarser as usize].clone().unwrap_or_default();
+        for level in (0..coarser).rev() {
+            if level == 0 || self.masks[level as usize].is_some() {
+                image = self.complete(level, coarser, &image);
+                coarser = level;
+            }
+        }
+        for value in &mut image {
+            if !value.is_finite() {
+                *value = DVec3::ZERO;
+            }
+        }
+        image
     }
 }

@@ -224,7 +224,8 @@ pub fn record(
 
 /// A level's mask.
 pub fn read_mask(gpu: &Gpu, view: &MultiResView, level: u32) -> Vec<f32> {
-    gpu.read_texture(view.mask(level).expect("a level").texture(), 0)
+    let size = view.size().map(|n| n.div_ceil(1 << level));
+    multires::read_blocks(gpu, view.mask(level).expect("a level"), size)
 }
 
 /// The pixels that a level lists.

@@ -22,20 +22,26 @@ fn unproject(camera: Camera, pixel: vec2u, depth: f32) -> vec4f {
   return select(vec4f(0.0), vec4f(p, 1.0), foreground && is_finite(depth) && h.w > 0.0 && is_near(p));
 }
 
-// A world-space unit normal; one that has no direction is taken to face the eye. The encoding is UNSIGNED and OCTAHEDRAL,
-// or not, and 1 where normals are in view space.
-fn decode_normal(camera: Camera, encoding: vec2u, texel: vec3f, to_eye: vec3f) -> vec3f {
+// A unit normal along the axes that it is stored in; `none` where it has no direction. The encoding is UNSIGNED and
+// OCTAHEDRAL, or not.
+fn stored_normal(encoding: u32, texel: vec3f, none: vec3f) -> vec3f {
   var v = texel;
-  if (encoding.x & UNSIGNED) != 0u {
+  if (encoding & UNSIGNED) != 0u {
     v = v * 2.0 - 1.0;
   }
-  if (encoding.x & OCTAHEDRAL) != 0u {
+  if (encoding & OCTAHEDRAL) != 0u {
     if !is_finite3(vec3f(v.xy, 0.0)) {
-      return to_eye;
+      return none;
     }
     v = octahedral_to(clamp(v.xy, vec2f(-1.0), vec2f(1.0)));
   }
-  let n = normalize_or(v, vec3f(0.0));
+  return normalize_or(v, none);
+}
+
+// A world-space unit normal; one that has no direction is taken to face the eye. The encoding's second half is 1 where
+// normals are in view space.
+fn decode_normal(camera: Camera, encoding: vec2u, texel: vec3f, to_eye: vec3f) -> vec3f {
+  let n = stored_normal(encoding.x, texel, vec3f(0.0));
   if encoding.y != 0u {
     return normalize_or(camera.view_to_world * n, to_eye);
   }

@@ -1,0 +1,112 @@
+//! What raster effects test: 1 where a level lists a pixel.
+
+use wgpu::{
+    BindGroupLayout, CommandEncoder, CompareFunction, Device, PipelineCache, RenderPipeline,
+    StencilFaceState, StencilOperation, TextureFormat, TextureUsages, TextureView,
+};
+
+use super::{LABEL, MaskStage, source};
+use crate::{error::Error, gpu::shader};
+
+/// Its format.
+pub(super) const STENCIL: TextureFormat = TextureFormat::Stencil8;
+
+/// A stencil buffer of a level.
+pub(super) fn create(device: &Device, [width, height]: [u32; 2]) -> TextureView {
+    device
+        .create_texture(&wgpu::TextureDescriptor {
+            label: Some("deep-screen-space multi-resolution stencil"),
+            size: wgpu::Extent3d {
+                width,
+                height,
+                depth_or_array_layers: 1,
+            },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: STENCIL,
+            usage: TextureUsages::RENDER_ATTACHMENT
+                | TextureUsages::TEXTURE_BINDING
+                | TextureUsages::COPY_SRC,
+            view_formats: &[],
+        })
+        .create_view(&wgpu::TextureViewDescriptor::default())
+}
+
+/// The pipeline that writes stencils: nothing else is attached.
+pub(super) fn pipeline(
+    device: &Device,
+    layout: &BindGroupLayout,
+    cache: Option<&PipelineCache>,
+) -> Result<RenderPipeline, Error> {
+    let module = shader::create(device, LABEL, source(MaskStage::Stamp)?);
+    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some(LABEL),
+        bind_group_layouts: &[Some(layout)],
+        immediate_size: 0,
+    });
+    let face = StencilFaceState {
+        compare: CompareFunction::Always,
+        pass_op: StencilOperation::Replace,
+        ..Default::default()
+    };
+    Ok(
+        device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some(LABEL),
+            layout: Some(&layout),
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: Some("cover"),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                buffers: &[],
+            },
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil: Some(wgpu::DepthStencilState {
+                format: STENCIL,
+                depth_write_enabled: None,
+                depth_compare: None,
+                stencil: wgpu::StencilState {
+                    front: face,
+                    back: face,
+                    read_mask: 0xff,
+                    write_mask: 0xff,
+                },
+                bias: wgpu::DepthBiasState::default(),
+            }),
+            multisample: wgpu::MultisampleState::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module,
+                entry_point: Some("stamp"),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                targets: &[],
+            }),
+            multiview_mask: None,
+            cache,
+        }),
+    )
+}
+
+/// 1 where a level's mask is above 0, and 0 elsewhere.
+pub(super) fn draw(
+    encoder: &mut CommandEncoder,
+    pipeline: &RenderPipeline,
+    group: &wgpu::BindGroup,
+    stencil: &TextureView,
+) {
+    let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        label: Some(LABEL),
+        depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+            view: stencil,
+            depth_ops: None,
+            stencil_ops: Some(wgpu::Operations {
+                load: wgpu::LoadOp::Clear(0),
+                store: wgpu::StoreOp::Store,
+            }),
+        }),
+        ..Default::default()
+    });
+    pass.set_pipeline(pipeline);
+    pass.set_bind_group(0, group, &[]);
+    pass.set_stencil_reference(1);
+    pass.draw(0..3, 0..1);
+}
