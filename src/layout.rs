@@ -129,13 +129,13 @@ fn structs_match_the_shaders() {
         &edges,
         size_of::<EdgeParams>(),
     );
-    let level = fields!(LevelParams: size, tiles, first_tile, finer_by, reach, threshold, bell);
+    let level = fields!(LevelParams: size, tiles, first_count, finer_by, reach, threshold, whole_from, bell);
     for stage in ["widen", "list"] {
         let shader = format!("multi_res_mask {stage}");
         check(&ao, &shader, "Params", &level, size_of::<LevelParams>());
     }
     let blend = after(
-        &fields!(MultiResReconstructorParams: level, coarser, weight, plane_distance, normal_power, has_own),
+        &fields!(MultiResReconstructorParams: level, coarser, weight, plane_distance, normal_power, has_own, whole_from),
     );
     for shader in ["multi_res_reconstructor", "multi_res_reconstructor blend"] {
         check(

@@ -54,7 +54,8 @@ fn check(
             "{name}: level {level}"
         );
         let list = read_list(gpu, view, level);
-        assert_eq!(list, mirror::list(&mask, width), "{name}: level {level}");
+        let expected = mirror::list(&mask, width, settings, level);
+        assert_eq!(list, expected, "{name}: level {level}");
         let dispatch: Vec<u32> = gpu.read_buffer(view.work(level).expect("a level").dispatch);
         let groups = list.len().div_ceil(64) as u32;
         assert_eq!(

@@ -8,8 +8,8 @@
 //   find_edges  fragment: one value a pixel, 0 to 1
 //   coarsen     fragment: of the next finer level's edges the maxima over 2 x 2 pixels
 //   widen       fragment: of one level, the edges blurred, and the finer level's mask
-//   count       of one level: listed pixels of each tile of 8 x 8
-//   list        of one level: after a prefix sum of the counts, the listed pixels in the order of their tiles
+//   count       of one level: listed pixels of each tile of 8 x 8, those whose image counts alone and those that are blended
+//   list        of one level: after a prefix sum of the counts, the former and then the latter in the order of their tiles
 //   stamp       fragment: of one level, 1 in a stencil buffer where a pixel is listed
 
 #if EDGES
@@ -202,14 +202,19 @@ struct Params {
   // Of the level, pixels.
   size: vec2u,
   tiles: vec2u,
-  // The level's first tile among those of all levels.
-  first_tile: u32,
+  // The level's first count among those of all levels: one a tile of whole pixels, then one a tile of blended ones.
+  first_count: u32,
   // By how many levels the finer one that is contained in this one is finer; 0 where there is none.
   finer_by: u32,
   // How many blocks the blur reaches to each side.
   reach: u32,
   // A blurred edge up to this is none.
   threshold: f32,
+  // From which mask on a pixel's image counts alone.
+  whole_from: f32,
+  padding0: u32,
+  padding1: u32,
+  padding2: u32,
   // Of the blur, for a block i to the right: what a pixel counts for the same pixel of the other block, the right one
   // for the left one, and the left one for the right one.
   bell: array<vec4f, 5>,
@@ -285,10 +290,12 @@ fn widen(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
 
 #import dispatch
 
-// First the counts of each tile, of all levels, then the sums before each, and their total.
+// First the counts, of all levels, then the sums before each, and their total.
 @group(0) @binding(2) var<storage, read_write> counts: array<u32>;
 @group(0) @binding(3) var<storage, read_write> pixels: array<u32>;
 @group(0) @binding(4) var<storage, read_write> workgroups: array<u32, 3>;
+// Workgroups for the blended pixels, and how many come before them.
+@group(0) @binding(5) var<storage, read_write> blended: array<u32, 4>;
 
 // Blocks of a tile.
 const BLOCKS: u32 = 16u;
@@ -297,25 +304,45 @@ fn corner(tile: u32, i: u32) -> vec2u {
   return 8u * vec2u(tile % params.tiles.x, tile / params.tiles.x) + 2u * vec2u(i % 4u, i / 4u);
 }
 
-// Which of a block's pixels are listed.
-fn listed(corner: vec2u) -> vec4<bool> {
+// Which of a block's pixels are listed, whole or blended.
+struct Listed {
+  whole: vec4<bool>,
+  blended: vec4<bool>,
+}
+
+fn listed(corner: vec2u) -> Listed {
   let block = textureLoad(mask, min(corner >> vec2u(1u), textureDimensions(mask) - 1u), 0);
   let columns = vec2u(corner.x, corner.x + 1u) < vec2u(params.size.x);
   let rows = vec2u(corner.y, corner.y + 1u) < vec2u(params.size.y);
-  return (block > vec4f(0.0)) & columns.xyxy & rows.xxyy;
+  let inside = (block > vec4f(0.0)) & columns.xyxy & rows.xxyy;
+  let is_whole = block >= vec4f(params.whole_from);
+  return Listed(inside & is_whole, inside & !is_whole);
+}
+
+fn number(which: vec4<bool>) -> u32 {
+  let ones = select(vec4u(0u), vec4u(1u), which);
+  return ones.x + ones.y + ones.z + ones.w;
 }
 
 @compute @workgroup_size(64)
 fn count(@builtin(global_invocation_id) id: vec3u) {
   let tile = id.x;
-  if tile >= params.tiles.x * params.tiles.y {
+  let tiles = params.tiles.x * params.tiles.y;
+  if tile >= tiles {
     return;
   }
-  var sum = vec4u(0u);
+  var sums = vec2u(0u);
   for (var i = 0u; i < BLOCKS; i++) {
-    sum += select(vec4u(0u), vec4u(1u), listed(corner(tile, i)));
+    let block = listed(corner(tile, i));
+    sums += vec2u(number(block.whole), number(block.blended));
   }
-  counts[params.first_tile + tile] = sum.x + sum.y + sum.z + sum.w;
+  counts[params.first_count + tile] = sums.x;
+  counts[params.first_count + tiles + tile] = sums.y;
+}
+
+fn groups_of(count: u32) -> vec3u {
+  let groups = (count + 63u) / 64u;
+  return vec3u(min(groups, DISPATCH_ROW), (groups + DISPATCH_ROW - 1u) / DISPATCH_ROW, 1u);
 }
 
 @compute @workgroup_size(64)
@@ -325,26 +352,35 @@ fn list(@builtin(global_invocation_id) id: vec3u) {
   if tile >= tiles {
     return;
   }
-  let first = counts[params.first_tile];
+  let first = counts[params.first_count];
   // Behind the number of all.
-  var at = 1u + counts[params.first_tile + tile] - first;
+  var whole_at = 1u + counts[params.first_count + tile] - first;
+  var blended_at = 1u + counts[params.first_count + tiles + tile] - first;
   for (var i = 0u; i < BLOCKS; i++) {
     let start = corner(tile, i);
-    let is_listed = listed(start);
+    let block = listed(start);
     for (var k = 0u; k < 4u; k++) {
-      if is_listed[k] {
-        pixels[at] = (start.x + (k & 1u)) | ((start.y + (k >> 1u)) << 16u);
-        at++;
+      let pixel = (start.x + (k & 1u)) | ((start.y + (k >> 1u)) << 16u);
+      if block.whole[k] || block.blended[k] {
+        pixels[select(blended_at, whole_at, block.whole[k])] = pixel;
       }
+      whole_at += select(0u, 1u, block.whole[k]);
+      blended_at += select(0u, 1u, block.blended[k]);
     }
   }
   if tile == 0u {
-    let count = counts[params.first_tile + tiles] - first;
-    let groups = (count + 63u) / 64u;
-    pixels[0] = count;
-    workgroups[0] = min(groups, DISPATCH_ROW);
-    workgroups[1] = (groups + DISPATCH_ROW - 1u) / DISPATCH_ROW;
-    workgroups[2] = 1u;
+    let before = counts[params.first_count + tiles] - first;
+    let all = counts[params.first_count + 2u * tiles] - first;
+    pixels[0] = all;
+    let groups = groups_of(all);
+    workgroups[0] = groups.x;
+    workgroups[1] = groups.y;
+    workgroups[2] = groups.z;
+    let some = groups_of(all - before);
+    blended[0] = some.x;
+    blended[1] = some.y;
+    blended[2] = some.z;
+    blended[3] = before;
   }
 }
 

@@ -6,9 +6,9 @@
 // from the coarsest level, which is complete, to the finest; each at its own level's resolution, so that a pixel asks four
 // pixels of one coarser image.
 //
-//   complete  of a level, all pixels: what the next coarser image gives
-//   mend      of a level, those listed: what its own image gives over that
-//   blend     fragment: all pixels of the image, of the finest level where it is listed and of the next coarser image
+//   complete  of a level, all pixels: its own image where that counts alone, or else what the next coarser image gives
+//   mend      of a level, those listed pixels that are blended of both
+//   blend     fragment: as `complete` all pixels of the image, and what was mended of them
 //
 // Between the pixels of a coarser image values are bilinear, of those that lie on the pixel's own surface.
 
@@ -37,8 +37,9 @@ struct Params {
   normal_power: f32,
   // 1 where there is a finest level of its own.
   has_own: u32,
-  padding0: u32,
-  padding1: u32,
+  // From which mask on the level's own image counts alone.
+  whole_from: f32,
+  padding: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -47,9 +48,10 @@ struct Params {
 // The next coarser level, completed.
 @group(0) @binding(3) var coarse: texture_2d<f32>;
 @group(0) @binding(4) var mask: texture_2d<f32>;
-// What the effect computed; for `blend` that mended.
+// What the effect computed.
 @group(0) @binding(5) var own: texture_2d<f32>;
 #if BLEND
+@group(0) @binding(6) var mended: texture_2d<f32>;
 #else
 // How many, then x | y << 16 of each.
 @group(0) @binding(6) var<storage, read> work: array<u32>;
@@ -58,6 +60,8 @@ struct Params {
 #else
 @group(0) @binding(7) var result: texture_storage_2d<r32float, write>;
 #endif
+// A dispatch for the blended pixels, and how many come before them.
+@group(0) @binding(8) var<storage, read> blended: array<u32, 4>;
 #endif
 
 // What a neighbour on another surface counts: all there is where no other is.
@@ -169,21 +173,31 @@ fn from_coarser(pixel: vec2u, alike: bool) -> Value {
   return sum / max(dot(weights, vec4f(1.0)), 1e-30);
 }
 
+// The mask of a level's pixel; 0 where there is no such level.
+fn mask_at(texel: vec2u) -> f32 {
+  if params.has_own == 0u {
+    return 0.0;
+  }
+  return of_block(textureLoad(mask, texel >> vec2u(1u), 0), texel);
+}
+
 #if BLEND
 
 @fragment
 fn blend(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
   let size = vec2i(params.camera.viewport.zw);
   let pixel = vec2u(clamp(vec2i(fragment.xy) - vec2i(params.camera.viewport.xy), vec2i(0), size - 1));
-  let is_listed = params.has_own != 0u && of_block(textureLoad(mask, pixel >> vec2u(1u), 0), pixel) > 0.0;
-  var value: Value;
-  if is_listed {
-    value = value_of(textureLoad(own, pixel, 0));
-    value = select(Value(), value, is_sound(value));
-  } else {
-    value = from_coarser(pixel, ALIKE);
+  let a = mask_at(pixel);
+  // Where there is no finest level a smaller texture stands for it.
+  let texel = select(vec2u(0u), pixel, a > 0.0);
+  let value = value_of(textureLoad(own, texel, 0));
+  if a >= params.whole_from && is_sound(value) {
+    return texel_of(value);
   }
-  return texel_of(value);
+  if a > 0.0 && a < params.whole_from {
+    return texel_of(value_of(textureLoad(mended, texel, 0)));
+  }
+  return texel_of(from_coarser(pixel, ALIKE));
 }
 
 #else
@@ -194,7 +208,10 @@ fn complete(@builtin(global_invocation_id) id: vec3u) {
   if any(id.xy > ((size - 1u) >> vec2u(params.level))) {
     return;
   }
-  let value = from_coarser(stands_for(id.xy, params.level, size), ALIKE);
+  var value = value_of(textureLoad(own, id.xy, 0));
+  if mask_at(id.xy) < params.whole_from || !is_sound(value) {
+    value = from_coarser(stands_for(id.xy, params.level, size), ALIKE);
+  }
   textureStore(result, id.xy, texel_of(value));
 }
 
@@ -204,15 +221,14 @@ fn mend(
   @builtin(num_workgroups) workgroups: vec3u,
   @builtin(local_invocation_index) local: u32,
 ) {
-  let i = (workgroup.y * workgroups.x + workgroup.x) * 64u + local;
+  let i = blended[3] + (workgroup.y * workgroups.x + workgroup.x) * 64u + local;
   if i >= work[0] {
     return;
   }
   let texel = vec2u(work[i + 1u] & 0xffffu, work[i + 1u] >> 16u);
   let value = value_of(textureLoad(own, texel, 0));
-  let share = min(of_block(textureLoad(mask, texel >> vec2u(1u), 0), texel) * params.weight, 1.0);
   // What is not finite counts as not computed.
-  let alpha = select(0.0, share, is_sound(value));
+  let alpha = select(0.0, min(mask_at(texel) * params.weight, 1.0), is_sound(value));
   let coarser = from_coarser(stands_for(texel, params.level, params.camera.viewport.zw), false);
   textureStore(result, texel, texel_of(select(Value(), value, is_sound(value)) * alpha + coarser * (1.0 - alpha)));
 }

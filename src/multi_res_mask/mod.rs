@@ -104,6 +104,7 @@ impl MultiResMask {
                 (2, WRITE),
                 (3, WRITE),
                 (4, WRITE),
+                (5, WRITE),
             ],
         );
         let module = shader::create(device, LABEL, source(MaskStage::List)?);
@@ -284,6 +285,7 @@ impl MultiResMask {
                     (2, whole(&masks.counts.values)),
                     (3, whole(&buffers.pixels)),
                     (4, whole(&buffers.dispatch)),
+                    (5, whole(&buffers.blended)),
                 ];
                 let group = binding::group(device, LABEL, &self.list_layout, &resources);
                 let [columns, rows] = level.params.tiles;

@@ -69,16 +69,18 @@ const BLOCKS: usize = MAX_RADIUS as usize / 2 + 1;
 pub(crate) struct LevelParams {
     pub(crate) size: [u32; 2],
     pub(crate) tiles: [u32; 2],
-    pub(crate) first_tile: u32,
+    pub(crate) first_count: u32,
     pub(crate) finer_by: u32,
     pub(crate) reach: u32,
     pub(crate) threshold: f32,
+    pub(crate) whole_from: f32,
+    pub(crate) padding: [u32; 3],
     pub(crate) bell: [[f32; 4]; BLOCKS],
 }
 
 /// Of every level that there is, from the finest on, with its number; `size` is the image's.
 pub(crate) fn levels(size: [u32; 2], settings: &MultiResMaskSettings) -> Vec<(u32, LevelParams)> {
-    let mut first_tile = 0;
+    let mut first_count = 0;
     let mut finer = None;
     let mut all = Vec::new();
     for (level, own) in settings.present() {
@@ -87,13 +89,15 @@ pub(crate) fn levels(size: [u32; 2], settings: &MultiResMaskSettings) -> Vec<(u3
         let params = LevelParams {
             size: own_size,
             tiles,
-            first_tile,
+            first_count,
             finer_by: level - finer.unwrap_or(level),
             reach: own.radius().div_ceil(2),
             threshold: own.threshold,
+            whole_from: settings.whole_from(level),
+            padding: [0; 3],
             bell: bell(own),
         };
-        first_tile += tiles[0] * tiles[1];
+        first_count += 2 * tiles[0] * tiles[1];
         finer = Some(level);
         all.push((level, params));
     }
@@ -122,12 +126,12 @@ fn bell(level: MultiResLevel) -> [[f32; 4]; BLOCKS] {
     blocks
 }
 
-/// Tiles of 8 × 8 pixels of all levels that there can be.
-pub(crate) fn all_tiles(size: [u32; 2]) -> u32 {
+/// Counts of all levels that there can be: two a tile of 8 × 8 pixels.
+pub(crate) fn all_counts(size: [u32; 2]) -> u32 {
     (0..LEVELS)
         .map(|level| {
             let [columns, rows] = level_size(size, level).map(|n| n.div_ceil(8));
-            columns * rows
+            2 * columns * rows
         })
         .sum()
 }

@@ -148,6 +148,17 @@ impl MultiResMaskSettings {
             .filter_map(|(level, settings)| settings.map(|s| (level, s)))
     }
 
+    /// From which mask on a level's image counts alone, of values in steps of 1/255 and halfway between two of them, so that
+    /// all who compare with it agree.
+    pub(crate) fn whole_from(&self, level: u32) -> f32 {
+        let weight = match self.levels[level as usize] {
+            Some(own) if level != self.coarsest() => own.weight,
+            _ => f32::INFINITY,
+        };
+        let least = (1..=255_u8).find(|&step| f32::from(step) / 255.0 * weight >= 1.0);
+        (least.map_or(256.0, f32::from) - 0.5) / 255.0
+    }
+
     /// The coarsest of them; 0 where there is none.
     pub(crate) fn coarsest(&self) -> u32 {
         self.present().map(|(level, _)| level).last().unwrap_or(0)

@@ -3,7 +3,7 @@
 use wgpu::{Buffer, BufferUsages, Device, TextureFormat, TextureUsages, TextureView};
 
 use super::{
-    params::all_tiles,
+    params::all_counts,
     settings::MultiResMaskSettings,
     stencil::{self, STENCIL},
 };
@@ -43,6 +43,8 @@ pub(super) struct LevelBuffers {
     pub mask: TextureView,
     pub pixels: Buffer,
     pub dispatch: Buffer,
+    /// The dispatch for those pixels alone that are blended with the coarser level, then how many come before them.
+    pub blended: Buffer,
     pub stencil: Option<TextureView>,
 }
 
@@ -83,6 +85,12 @@ impl MultiResView {
                         12,
                         BufferUsages::INDIRECT | BufferUsages::COPY_SRC,
                     )?,
+                    blended: storage(
+                        device,
+                        "deep-screen-space blended work",
+                        16,
+                        BufferUsages::INDIRECT,
+                    )?,
                     stencil: stencils.then(|| stencil::create(device, level_size(size, level))),
                 })
             })
@@ -96,7 +104,7 @@ impl MultiResView {
             counts: scan.buffer(
                 device,
                 "deep-screen-space listed pixels of tiles",
-                all_tiles(size),
+                all_counts(size),
             )?,
             recorded: None,
             has_importance: false,
@@ -152,12 +160,19 @@ impl MultiResView {
                     + stencil.map_or(0, |_| plane_bytes(STENCIL, level_size(self.size, level), 1))
                     + buffers.pixels.size()
                     + buffers.dispatch.size()
+                    + buffers.blended.size()
             })
             .sum();
         let edges: u64 = (0..BLURRED)
             .map(|level| block_bytes(self.size, level))
             .sum();
         levels + edges + self.counts.bytes()
+    }
+
+    /// Of a level's work that which is blended with the coarser level: an indirect dispatch, then how many pixels come
+    /// before it.
+    pub(crate) fn blended(&self, level: u32) -> Option<&Buffer> {
+        self.recorded_level(level).map(|buffers| &buffers.blended)
     }
 
     /// The settings that it was last recorded with.

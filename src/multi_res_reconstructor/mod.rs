@@ -35,12 +35,12 @@ pub(crate) const SOURCE: &str = include_str!("../../wgsl/multi_res_reconstructor
 const LABEL: &str = "deep-screen-space multi-resolution reconstructor";
 
 /// Blends the sub-images of an effect, coarse to fine, into the caller's texture. Each level is completed at its own
-/// resolution: bilinear among the pixels of the next coarser one that lie on the pixel's own surface, or the nearest of
-/// other surfaces where none is of its own, and over that, where it is listed, its own image.
+/// resolution: its own image where that counts alone, and elsewhere bilinear among the pixels of the next coarser one that
+/// lie on the pixel's own surface, or the nearest of other surfaces where none is of its own.
 ///
 /// A value that is not finite counts as not computed.
 ///
-/// Surfaces are compared for what is listed on a level alone, where that level's blur reaches as far as the next coarser
+/// Surfaces are compared for those listed pixels alone that are blended of two levels, where that level's blur reaches as far as the next coarser
 /// level's pixels lie, thresholds are 0 and no importance was given: all presets but the finest level of
 /// [`MultiResMaskSettings::INDIRECT`]. Elsewhere they are for each pixel.
 ///
@@ -121,9 +121,11 @@ impl MultiResReconstructor {
             std::iter::once((0, UNIFORM)).chain(textures)
         };
         let store = binding::store(format(channels), TextureViewDimension::D2);
-        let level_entries: Vec<_> = read(1..=5).chain([(6, READ), (7, store)]).collect();
+        let level_entries: Vec<_> = read(1..=5)
+            .chain([(6, READ), (7, store), (8, READ)])
+            .collect();
         let level_layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &level_entries);
-        let blend_entries: Vec<_> = read(1..=5).collect();
+        let blend_entries: Vec<_> = read(1..=6).collect();
         let blend_layout = binding::layout(device, LABEL, ShaderStages::FRAGMENT, &blend_entries);
         let constants = |alike: bool| [("ALIKE", f64::from(u8::from(alike)))];
         let module = shader::create(device, LABEL, source(channels, false)?);
@@ -242,11 +244,6 @@ impl MultiResReconstructor {
             }
         }
         drop(pass);
-        let finest = if coarse.0 == 0 {
-            images.level(0)
-        } else {
-            images.completed[0].as_ref()
-        };
         let params = MultiResReconstructorParams::new(input, mask, *settings, [0, coarse.0]);
         // Where the finest level is left out others stand in its place, unread.
         if let (Some(coarse), Some(mask)) = (
@@ -260,7 +257,8 @@ impl MultiResReconstructor {
                 (2, view(input.gbuffer.normal)),
                 (3, view(coarse)),
                 (4, view(mask)),
-                (5, view(finest.unwrap_or(coarse))),
+                (5, view(images.level(0).unwrap_or(coarse))),
+                (6, view(images.completed[0].as_ref().unwrap_or(coarse))),
             ];
             let group = binding::group(device, LABEL, &self.blend_layout, &resources);
             // Of one level all is listed.
@@ -278,7 +276,7 @@ impl MultiResReconstructor {
         Ok(())
     }
 
-    /// Completes a level, of the finest its listed pixels alone. The textures are the next coarser level's, the level's own
+    /// Completes a level, of the finest its blended pixels alone. The textures are the next coarser level's, the level's own
     /// and the result.
     fn record_level(
         &self,
@@ -289,9 +287,10 @@ impl MultiResReconstructor {
         [coarse, own, result]: [&TextureView; 3],
         is_alike: bool,
     ) {
-        let (Some(mask), Some(work)) = (
+        let (Some(mask), Some(work), Some(blended)) = (
             input.masks.mask(params.level),
             input.masks.work(params.level),
+            input.masks.blended(params.level),
         ) else {
             return;
         };
@@ -305,6 +304,7 @@ impl MultiResReconstructor {
             (5, view(own)),
             (6, whole(work.pixels)),
             (7, view(result)),
+            (8, whole(blended)),
         ];
         let group = binding::group(device, LABEL, &self.level_layout, &resources);
         pass.set_bind_group(0, &group, &[]);
@@ -314,7 +314,7 @@ impl MultiResReconstructor {
             pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), 1);
         }
         pass.set_pipeline(&self.mend);
-        pass.dispatch_workgroups_indirect(work.dispatch, 0);
+        pass.dispatch_workgroups_indirect(blended, 0);
     }
 
     /// The settings of the masks, after all checks.

@@ -15,7 +15,8 @@ pub(crate) struct MultiResReconstructorParams {
     pub(crate) plane_distance: f32,
     pub(crate) normal_power: f32,
     pub(crate) has_own: u32,
-    pub(crate) padding: [u32; 2],
+    pub(crate) whole_from: f32,
+    pub(crate) padding: u32,
 }
 
 /// A bit for each level whose pixels about one are on its surface where the next finer level has nothing listed there: its
@@ -51,7 +52,8 @@ impl MultiResReconstructorParams {
             plane_distance: settings.plane_distance,
             normal_power: settings.normal_power,
             has_own: u32::from(own.is_some()),
-            padding: [0; 2],
+            whole_from: mask.whole_from(level),
+            padding: 0,
         }
     }
 }

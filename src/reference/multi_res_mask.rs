@@ -250,14 +250,17 @@ pub fn masks(
     masks
 }
 
-/// The listed pixels of a mask `width` pixels wide, `x | y << 16`: in the order of tiles of 8 × 8, of blocks of 2 × 2 within
-/// a tile, and of rows within a block.
-pub fn list(mask: &[f32], width: u32) -> Vec<u32> {
-    let mut listed: Vec<[u32; 2]> = (0..)
+/// The listed pixels of a level's mask `width` pixels wide, `x | y << 16`: first those whose image counts alone, then those
+/// that are blended, both in the order of tiles of 8 × 8, of blocks of 2 × 2 within a tile, and of rows within a block.
+pub fn list(mask: &[f32], width: u32, settings: &MultiResMaskSettings, level: u32) -> Vec<u32> {
+    let mut listed: Vec<(bool, [u32; 2])> = (0..)
         .zip(mask)
         .filter(|(_, value)| **value > 0.0)
-        .map(|(i, _)| [i % width, i / width])
+        .map(|(i, &value)| {
+            let is_blended = value < settings.whole_from(level);
+            (is_blended, [i % width, i / width])
+        })
         .collect();
-    listed.sort_by_key(|&[x, y]| [y / 8, x / 8, y / 2, x / 2, y, x]);
-    listed.into_iter().map(|[x, y]| x | y << 16).collect()
+    listed.sort_by_key(|&(blended, [x, y])| (blended, [y / 8, x / 8, y / 2, x / 2, y, x]));
+    listed.into_iter().map(|(_, [x, y])| x | y << 16).collect()
 }

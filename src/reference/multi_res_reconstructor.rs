@@ -111,10 +111,15 @@ impl Blend<'_> {
                 let (mask, value) = own.map_or((0.0, DVec3::ZERO), |(mask, image)| {
                     (mask[i as usize], image[i as usize])
                 });
-                let is_alike = all_alike && mask == 0.0;
+                let is_whole = mask >= f64::from(self.mask_settings.whole_from(level));
+                if is_whole && value.is_finite() {
+                    return value;
+                }
+                let is_blended = mask > 0.0 && !is_whole;
+                let is_alike = all_alike && !is_blended;
                 let pixel = stands_for([i % width, i / width], level, self.size());
                 let coarser = self.from_coarser(pixel, coarser, coarse, is_alike);
-                if mask == 0.0 || !value.is_finite() {
+                if !is_blended || !value.is_finite() {
                     return coarser;
                 }
                 let alpha = (mask * weight).min(1.0);
