@@ -15,7 +15,7 @@ use deep_screen_space::{
     glam::{DMat4, DVec3, dcamera::rh::proj::directx as right},
     wgpu::{self, TextureFormat as Format},
 };
-use multi_res::{Frame, framed, random, read_image, record};
+use multi_res::{Frame, framed, random, read_image, read_mask, record};
 use support::gpu::{Ask, Gpu};
 
 const MAP: u32 = 64;
@@ -173,7 +173,7 @@ impl Passes {
             &frame.input(),
             &MultiResMaskSettings::OCCLUSION,
         );
-        let mask = masks.mask(0).expect("a level");
+        let mask = read_mask(gpu, &masks, 0);
         vec![
             ("obscurance", read_image(gpu, &open)),
             ("shadows", read_image(gpu, &visible)),
@@ -185,7 +185,10 @@ impl Passes {
                     .map(|&[r, g, b, _]| DVec3::new(r.into(), g.into(), b.into()))
                     .collect(),
             ),
-            ("mask", read_image(gpu, mask)),
+            (
+                "mask",
+                mask.into_iter().map(|m| DVec3::splat(m.into())).collect(),
+            ),
         ]
     }
 }

@@ -300,8 +300,12 @@ fn widen(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
 // Blocks of a tile.
 const BLOCKS: u32 = 16u;
 
-fn corner(tile: u32, i: u32) -> vec2u {
-  return 8u * vec2u(tile % params.tiles.x, tile / params.tiles.x) + 2u * vec2u(i % 4u, i / 4u);
+fn corner_of_tile(tile: u32) -> vec2u {
+  return 8u * vec2u(tile % params.tiles.x, tile / params.tiles.x);
+}
+
+fn corner_of_block(i: u32) -> vec2u {
+  return 2u * vec2u(i % 4u, i / 4u);
 }
 
 // Which of a block's pixels are listed, whole or blended.
@@ -331,9 +335,10 @@ fn count(@builtin(global_invocation_id) id: vec3u) {
   if tile >= tiles {
     return;
   }
+  let corner = corner_of_tile(tile);
   var sums = vec2u(0u);
   for (var i = 0u; i < BLOCKS; i++) {
-    let block = listed(corner(tile, i));
+    let block = listed(corner + corner_of_block(i));
     sums += vec2u(number(block.whole), number(block.blended));
   }
   counts[params.first_count + tile] = sums.x;
@@ -356,8 +361,9 @@ fn list(@builtin(global_invocation_id) id: vec3u) {
   // Behind the number of all.
   var whole_at = 1u + counts[params.first_count + tile] - first;
   var blended_at = 1u + counts[params.first_count + tiles + tile] - first;
+  let corner = corner_of_tile(tile);
   for (var i = 0u; i < BLOCKS; i++) {
-    let start = corner(tile, i);
+    let start = corner + corner_of_block(i);
     let block = listed(start);
     for (var k = 0u; k < 4u; k++) {
       let pixel = (start.x + (k & 1u)) | ((start.y + (k >> 1u)) << 16u);

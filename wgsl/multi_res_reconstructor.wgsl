@@ -155,7 +155,7 @@ fn similarities(pixel: vec2u, texels: array<vec2u, 4>) -> vec4f {
 }
 
 // What the coarser image gives at a pixel; 0 where it has nothing finite.
-fn from_coarser(pixel: vec2u, alike: bool) -> Value {
+fn coarser_at(pixel: vec2u, alike: bool) -> Value {
   let corners = corners_about(pixel);
   let a = value_of(textureLoad(coarse, corners.texels[0], 0));
   let b = value_of(textureLoad(coarse, corners.texels[1], 0));
@@ -197,7 +197,7 @@ fn blend(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
   if a > 0.0 && a < params.whole_from {
     return texel_of(value_of(textureLoad(mended, texel, 0)));
   }
-  return texel_of(from_coarser(pixel, ALIKE));
+  return texel_of(coarser_at(pixel, ALIKE));
 }
 
 #else
@@ -210,7 +210,7 @@ fn complete(@builtin(global_invocation_id) id: vec3u) {
   }
   var value = value_of(textureLoad(own, id.xy, 0));
   if mask_at(id.xy) < params.whole_from || !is_sound(value) {
-    value = from_coarser(stands_for(id.xy, params.level, size), ALIKE);
+    value = coarser_at(stands_for(id.xy, params.level, size), ALIKE);
   }
   textureStore(result, id.xy, texel_of(value));
 }
@@ -229,7 +229,7 @@ fn mend(
   let value = value_of(textureLoad(own, texel, 0));
   // What is not finite counts as not computed.
   let alpha = select(0.0, min(mask_at(texel) * params.weight, 1.0), is_sound(value));
-  let coarser = from_coarser(stands_for(texel, params.level, params.camera.viewport.zw), false);
+  let coarser = coarser_at(stands_for(texel, params.level, params.camera.viewport.zw), false);
   textureStore(result, texel, texel_of(select(Value(), value, is_sound(value)) * alpha + coarser * (1.0 - alpha)));
 }
 

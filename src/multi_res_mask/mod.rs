@@ -176,8 +176,8 @@ impl MultiResMask {
         self.record_edges(device, encoder, input, settings, masks);
         let levels: Vec<Level> = levels(masks.size, settings)
             .into_iter()
-            .map(|(level, params)| Level {
-                level,
+            .map(|(number, params)| Level {
+                number,
                 params,
                 uniform: uniform(device, LABEL, &params),
             })
@@ -185,7 +185,7 @@ impl MultiResMask {
         self.record_masks(device, encoder, &levels, masks);
         self.record_lists(device, encoder, &levels, masks, input.timestamps);
         for level in &levels {
-            let buffers = &masks.levels[level.level as usize];
+            let buffers = &masks.levels[level.number as usize];
             if let Some(target) = &buffers.stencil {
                 let resources = [(1, view(&buffers.mask))];
                 let group = binding::group(device, LABEL, &self.stamp.layout, &resources);
@@ -245,7 +245,7 @@ impl MultiResMask {
         // Up to which level there are edges.
         let mut known = 0;
         for level in blurred {
-            let own = level.level as usize;
+            let own = level.number as usize;
             for coarser in known + 1..=own {
                 let resources = [(0, view(&masks.edges[coarser - 1]))];
                 let group = binding::group(device, LABEL, &self.coarsen.layout, &resources);
@@ -262,7 +262,7 @@ impl MultiResMask {
             finer = Some(mask);
         }
         // It has everything.
-        let mask = &masks.levels[coarsest.level as usize].mask;
+        let mask = &masks.levels[coarsest.number as usize].mask;
         fill(encoder, None, mask, None);
     }
 
@@ -278,7 +278,7 @@ impl MultiResMask {
         let groups: Vec<(BindGroup, u32)> = levels
             .iter()
             .map(|level| {
-                let buffers = &masks.levels[level.level as usize];
+                let buffers = &masks.levels[level.number as usize];
                 let resources = [
                     (0, whole(&level.uniform)),
                     (1, view(&buffers.mask)),
@@ -316,7 +316,7 @@ impl MultiResMask {
 
 /// A level that is recorded.
 struct Level {
-    level: u32,
+    number: u32,
     params: LevelParams,
     uniform: Buffer,
 }

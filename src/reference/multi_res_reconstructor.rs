@@ -75,7 +75,7 @@ impl Blend<'_> {
     }
 
     /// What a coarser level's image gives at a pixel; 0 where it has nothing finite.
-    fn from_coarser(&self, pixel: [u32; 2], level: u32, image: &[DVec3], is_alike: bool) -> DVec3 {
+    fn coarser_at(&self, pixel: [u32; 2], level: u32, image: &[DVec3], is_alike: bool) -> DVec3 {
         let width = level_size(self.size(), level)[0];
         let (columns, share_x) = self.between(pixel[0], level, 0);
         let (rows, share_y) = self.between(pixel[1], level, 1);
@@ -118,7 +118,7 @@ impl Blend<'_> {
                 let is_blended = mask > 0.0 && !is_whole;
                 let is_alike = all_alike && !is_blended;
                 let pixel = stands_for([i % width, i / width], level, self.size());
-                let coarser = self.from_coarser(pixel, coarser, coarse, is_alike);
+                let coarser = self.coarser_at(pixel, coarser, coarse, is_alike);
                 if !is_blended || !value.is_finite() {
                     return coarser;
                 }
