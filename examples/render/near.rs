@@ -37,7 +37,7 @@ pub fn obscurance(
     let buffers = SceneBuffers::new(gpu, scene);
     let raster = Raster::draw(gpu, &buffers, &camera);
     let samples = match options.preset.as_str() {
-        "fast" => DiskSamples::FiveAround,
+        "fast" => DiskSamples::Six,
         "accurate" => DiskSamples::Sixteen,
         _ => DiskSamples::Nine,
     };

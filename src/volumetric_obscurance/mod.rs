@@ -109,16 +109,19 @@ impl VolumetricObscurance {
             entries.extend(variant.areas.then_some((5, READ)));
             let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
             let module = shader::create(device, LABEL, source(variant)?);
+            let flag = |on: bool| f64::from(u8::from(on));
             let points = matches!(sampling, ObscuranceSampling::Points(_));
-            let tangent = volume == ObscuranceVolume::TangentSphere;
+            let count = params::split(sampling, volume).1.len();
             let pipeline = Kernel {
                 label: LABEL,
                 module: &module,
                 entry: "obscurance_of_pixels",
                 layouts: &[&layout],
                 constants: &[
-                    ("POINTS", f64::from(u8::from(points))),
-                    ("TANGENT", f64::from(u8::from(tangent))),
+                    ("POINTS", flag(points)),
+                    ("TANGENT", flag(volume == ObscuranceVolume::TangentSphere)),
+                    ("UPHILL", flag(params::turns_uphill(sampling, volume))),
+                    ("COUNT", count as f64),
                 ],
                 cache,
             }

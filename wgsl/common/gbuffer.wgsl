@@ -36,8 +36,7 @@ fn decode_normal(camera: Camera, encoding: vec2u, texel: vec3f, to_eye: vec3f) -
     v = octahedral_to(clamp(v.xy, vec2f(-1.0), vec2f(1.0)));
   }
   let n = normalize_or(v, vec3f(0.0));
-  if encoding.y != 0u {
-    return normalize_or(camera.view_to_world * n, to_eye);
-  }
-  return normalize_or(n, to_eye);
+  // The camera's axes are unit vectors.
+  let turned = select(n, camera.view_to_world * n, encoding.y != 0u);
+  return select(turned, to_eye, all(n == vec3f(0.0)));
 }
