@@ -29,6 +29,9 @@ const LABEL: &str = "deep-screen-space soft shadows";
 /// The share of a light with an extent that arrives at each pixel, 0…1, from the caller's shadow map: blockers are looked
 /// for around the pixel, their mean distance gives the penumbra's width, and over that width the map is averaged.
 ///
+/// Points are looked up [`ShadowMap::bias`] texels off their surface and as much nearer to the light: what lies nearer than
+/// that to a surface does not shadow it, which inner edges, whose texels hold either surface, would otherwise do to themselves.
+///
 /// It is a picture of one depth: what a blocker hides of blockers behind it counts for nothing, and a penumbra of
 /// several is that of their mean. The cosine of the light's direction and a spot's cone are not in it.
 ///

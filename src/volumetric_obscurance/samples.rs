@@ -55,7 +55,7 @@ impl DiskSamples {
     ];
 
     /// x, y and share of each sample: the part of the sphere's volume that lies above and below its Voronoi cell of the unit
-    /// disk. Shares sum to 1 and are equal within 0.5 %.
+    /// disk. Shares sum to 1 and are equal within 0.5 %, but for [`Six`](Self::Six).
     pub const fn table(self) -> &'static [[f32; 3]] {
         match self {
             Self::Five => &FIVE,
