@@ -19,8 +19,10 @@ use clap::Parser;
 use deep_screen_space::scenes;
 use serde::Serialize;
 use support::{
+    errors::rmse,
     gpu::{Ask, Gpu},
-    multires::{Effect, Masked, Passes, Stage, read_image, rmse},
+    multires::{Masked, read_image},
+    near::{Effect, Passes, Stage},
 };
 
 /// Effects by sub-images beside the same effects at full resolution.
@@ -232,7 +234,10 @@ fn measure(
         full_ms,
         masked_ms,
         speedup: full_ms / masked_ms,
-        rmse: rmse(&read_image(gpu, &full), &read_image(gpu, &masked.target)),
+        rmse: rmse(
+            read_image(gpu, &full).as_flattened(),
+            read_image(gpu, &masked.target).as_flattened(),
+        ),
         computed_share: counts.iter().map(|&n| f64::from(n)).sum::<f64>() / pixels(0),
         mask_ms,
         blend_ms,

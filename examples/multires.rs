@@ -11,9 +11,11 @@ use std::path::{Path, PathBuf};
 
 use deep_screen_space::scenes;
 use support::{
+    errors::rmse,
     files,
     gpu::{Ask, Gpu},
-    multires::{Effect, Masked, Passes, Stage, read_blocks, read_image, rmse},
+    multires::{Masked, read_blocks, read_image},
+    near::{Effect, Passes, Stage},
 };
 
 const SIZE: [u32; 2] = [960, 540];
@@ -95,7 +97,7 @@ fn show(
         "{}: {:.1} % of the pixels computed, RMSE {:.4}",
         effect.name(),
         100.0 * f64::from(computed) / f64::from(width * height),
-        rmse(&full, &blended)
+        rmse(full.as_flattened(), blended.as_flattened())
     );
     Ok(())
 }

@@ -19,7 +19,6 @@ fn main() {
         (9, true),
         (13, true),
         (16, true),
-        (5, false),
         (12, false),
         (13, false),
         (15, false),

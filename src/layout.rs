@@ -307,8 +307,8 @@ fn structs_match_the_shaders() {
             size_of::<TemporalParams>(),
         );
     }
-    let obscurance = fields!(ObscuranceParams: camera, to_pixel, from_pixel, forward, level, normals, depth_step, depth_relative, radii,
-        radius_count, combine, max_pixels, thickness, seed, box_half_width, count, turn, uphill, moment_levels, samples);
+    let obscurance = fields!(ObscuranceParams: camera, to_pixel, from_pixel, right, level, up, center, back, thickness, normals,
+        depth_step, depth_relative, radii, radius_count, combine, max_pixels, box_half_width, seed, turn, moment_levels, samples);
     for variant in ["", " normals areas list"] {
         check(
             &ao,

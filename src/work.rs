@@ -1,7 +1,8 @@
 //! Which pixels of an image an effect computes: all, or those of a list that the GPU made (`wgsl/common/work.wgsl`).
 
 use wgpu::{
-    BindGroup, Buffer, BufferUsages, ComputePass, ComputePipeline, TextureFormat, TextureUsages,
+    BindGroupLayout, BindingResource, BindingType, Buffer, BufferUsages, CommandEncoder,
+    ComputePipeline, Device, PipelineCache, ShaderStages, TextureFormat, TextureUsages,
     TextureView,
 };
 
@@ -10,6 +11,11 @@ use crate::{
     error::{Error, check_setting},
     gbuffer::check_plain,
     geometry::{check_size, check_usage},
+    gpu::{
+        Kernel, Timestamps,
+        binding::{self, READ, whole},
+        compute_pass, shader,
+    },
 };
 
 /// Sub-images that there can be: 1, 1/2, 1/4 and 1/8 of the image's width and height.
@@ -93,21 +99,90 @@ pub(crate) fn check_work(
     Ok(level)
 }
 
-/// Dispatches a kernel of `@workgroup_size(8, 8)` that asks `work_item()` for its pixel: over a list, or over all pixels of
-/// a viewport.
-pub(crate) fn dispatch_work(
-    pass: &mut ComputePass<'_>,
-    pipeline: &ComputePipeline,
-    group: &BindGroup,
-    work: Option<&WorkList<'_>>,
-    viewport: Viewport,
-) {
-    pass.set_pipeline(pipeline);
-    pass.set_bind_group(0, group, &[]);
-    match work {
-        Some(work) => pass.dispatch_workgroups_indirect(work.dispatch, 0),
-        None => {
-            pass.dispatch_workgroups(viewport.width.div_ceil(8), viewport.height.div_ceil(8), 1);
+/// A kernel of `@workgroup_size(8, 8)` that asks `work_item()` for its pixel: over all pixels, and over a list.
+#[derive(Debug)]
+pub(crate) struct WorkKernel {
+    label: &'static str,
+    /// Of the list.
+    binding: u32,
+    /// For all pixels, and for those of a list.
+    variants: [(BindGroupLayout, ComputePipeline); 2],
+}
+
+/// What a [`WorkKernel`] is made of.
+pub(crate) struct WorkKernelDescriptor<'a> {
+    pub label: &'static str,
+    pub entry: &'a str,
+    /// What it binds, but for the list.
+    pub entries: &'a [(u32, BindingType)],
+    /// Where the list is bound.
+    pub list: u32,
+    pub constants: &'a [(&'a str, f64)],
+    pub cache: Option<&'a PipelineCache>,
+}
+
+impl WorkKernel {
+    /// `source` assembles the module, with LIST or without.
+    pub fn new(
+        device: &Device,
+        descriptor: &WorkKernelDescriptor<'_>,
+        source: impl Fn(bool) -> Result<String, Error>,
+    ) -> Result<Self, Error> {
+        let &WorkKernelDescriptor {
+            label,
+            entry,
+            entries,
+            list: binding,
+            constants,
+            cache,
+        } = descriptor;
+        let variant = |list: bool| -> Result<_, Error> {
+            let mut entries = entries.to_vec();
+            entries.extend(list.then_some((binding, READ)));
+            let layout = binding::layout(device, label, ShaderStages::COMPUTE, &entries);
+            let pipeline = Kernel {
+                label,
+                module: &shader::create(device, label, source(list)?),
+                entry,
+                layouts: &[&layout],
+                constants,
+                cache,
+            }
+            .create(device);
+            Ok((layout, pipeline))
+        };
+        Ok(Self {
+            label,
+            binding,
+            variants: [variant(false)?, variant(true)?],
+        })
+    }
+
+    /// Records it over a list, or over all pixels of a viewport.
+    pub fn record<'a>(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        mut resources: Vec<(u32, BindingResource<'a>)>,
+        work: Option<&'a WorkList<'_>>,
+        viewport: Viewport,
+        timestamps: Option<Timestamps<'_>>,
+    ) {
+        resources.extend(work.map(|work| (self.binding, whole(work.pixels))));
+        let (layout, pipeline) = &self.variants[usize::from(work.is_some())];
+        let group = binding::group(device, self.label, layout, &resources);
+        let mut pass = compute_pass(encoder, self.label, timestamps);
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        match work {
+            Some(work) => pass.dispatch_workgroups_indirect(work.dispatch, 0),
+            None => {
+                pass.dispatch_workgroups(
+                    viewport.width.div_ceil(8),
+                    viewport.height.div_ceil(8),
+                    1,
+                );
+            }
         }
     }
 }

@@ -409,6 +409,68 @@ fn planes_do_not_shadow_themselves() {
     }
 }
 
+/// Where a floor and a wall meet, texels that hold the one do not shadow the other.
+#[test]
+fn inner_edges_are_not_shadowed() {
+    let gpu = gpu();
+    let pass = SoftShadows::new(&gpu.device, None).expect("pipelines");
+    let view = camera(
+        right::perspective_infinite_reverse(1.0, 1.0, 0.1),
+        Viewport::full(64, 64),
+    );
+    let planes = [
+        (DVec3::new(0.0, -1.0, 0.0), DVec3::Y),
+        (
+            DVec3::new(0.0, 0.0, -3.0),
+            DVec3::new(0.3, 0.0, 1.0).normalize(),
+        ),
+    ];
+    let see = |from: DVec3, along: DVec3| {
+        planes
+            .iter()
+            .map(|(p, n)| ((*p - from).dot(*n) / along.dot(*n), *n))
+            .filter(|(t, _)| *t > 0.0)
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            .map(|(t, n)| (from + t * along, n))
+    };
+    let frame = Frame::cast(&gpu, &view, Format::R32Float, |_, from, along| {
+        see(from, along)
+    });
+    let eye = DVec3::new(0.5, 0.2, -1.0);
+    let light_camera = looking(
+        eye,
+        -DVec3::Z,
+        right::perspective_infinite_reverse(2.4, 1.0, 0.05),
+        128,
+    );
+    let layer = (0..128 * 128)
+        .map(|i| {
+            let ray = light_camera
+                .unproject(f64::from(i % 128) + 0.5, f64::from(i / 128) + 0.5, 0.5)
+                .expect("a ray");
+            see(eye, ray).map_or(0.0, |(p, _)| {
+                light_camera.project(p - eye).map_or(0.0, |p| p.z as f32)
+            })
+        })
+        .collect();
+    let map = Map::new(&gpu, vec![light_camera], vec![layer]);
+    for extent in [0.0, 0.1] {
+        let settings = SoftShadowsSettings {
+            extent,
+            ..SoftShadowsSettings::default()
+        };
+        let found = record(&gpu, &pass, &frame, (&point(eye), &map), &settings);
+        let shadowed = found
+            .iter()
+            .zip(&frame.depth)
+            .filter(|(v, d)| **d > 0.0 && **v < 1.0);
+        // The edge is 64 pixels long.
+        let shadowed = shadowed.count();
+        println!("extent {extent}: {shadowed}");
+        assert!(shadowed <= 1, "extent {extent}: {shadowed}");
+    }
+}
+
 #[test]
 fn lists_compute_what_the_whole_image_has() {
     let gpu = gpu();

@@ -51,6 +51,9 @@ struct Receiver {
   point: vec3f,
   normal: vec3f,
   arrival: Arrival,
+  // Where points are moved before they are looked up: off the surface, and as far to the light. What lies nearer than a
+  // texel of the map is then no blocker; at inner edges, texels of the other surface would be some, here and there.
+  side: vec3f,
   // Its third axis points to the light.
   frame: mat3x3f,
   turn: f32,
@@ -110,7 +113,7 @@ fn texel_side(point: vec3f) -> f32 {
 }
 
 fn visibility(r: Receiver) -> f32 {
-  let middle = look_up(r.point, r.normal);
+  let middle = look_up(r.point, r.side);
   if params.extent == 0.0 {
     return select(1.0, 0.0, is_hidden(middle));
   }
@@ -119,7 +122,7 @@ fn visibility(r: Receiver) -> f32 {
   for (var i = 0u; i < params.blockers; i++) {
     // Most penumbrae are far narrower than the widest.
     let offset = params.max_penumbra * spiral(i, params.blockers, 1.0, r.turn);
-    let found = gap(r, look_up(beside(r, offset), r.normal));
+    let found = gap(r, look_up(beside(r, offset), r.side));
     // Only what lies between the surface and some of the light.
     if found > 0.0 && length(offset) <= penumbra(r, found) {
       total += found;
@@ -134,7 +137,7 @@ fn visibility(r: Receiver) -> f32 {
   var visible = 0.0;
   for (var i = 0u; i < params.samples; i++) {
     let offset = width * spiral(i, params.samples, 0.5, r.turn);
-    visible += select(1.0, 0.0, is_hidden(look_up(beside(r, offset), r.normal)));
+    visible += select(1.0, 0.0, is_hidden(look_up(beside(r, offset), r.side)));
   }
   return visible / f32(params.samples);
 }
@@ -151,7 +154,8 @@ fn value_of(pixel: vec2u) -> f32 {
   }
   let noise = 2.0 * PI * unit_float(hash2(pixel.x, pixel.y));
   let turn = select(0.0, noise, params.turn != 0u);
-  return visibility(Receiver(surface.position, surface.normal, arrival, tangent_frame(arrival.to_light), turn));
+  let side = surface.normal + arrival.to_light;
+  return visibility(Receiver(surface.position, surface.normal, arrival, side, tangent_frame(arrival.to_light), turn));
 }
 
 @compute @workgroup_size(8, 8)

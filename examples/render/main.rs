@@ -29,7 +29,7 @@ use methods::Rendered;
 use support::{
     arguments, files,
     gpu::{Ask, Gpu},
-    multires, presets,
+    presets,
     scene::load_gltf,
 };
 
@@ -138,7 +138,7 @@ fn run(options: &Options) -> Result<(), String> {
     if options.effect == "sg" {
         return hull::render(&gpu, options, &scene, &shot);
     }
-    let by_sub_images = multires::Effect::by_name(&options.effect);
+    let by_sub_images = support::near::Effect::by_name(&options.effect);
     if options.multires && by_sub_images.is_none() {
         return Err("--multires is for --effect vo, shadow and ssgi".into());
     }

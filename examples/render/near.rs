@@ -14,8 +14,10 @@ use crate::{
     Options,
     methods::{Rendered, twice},
     support::{
+        errors::rmse,
         gpu::Gpu,
-        multires::{Effect, Masked, Passes, Stage, read_image, rmse},
+        multires::{Masked, read_image},
+        near::{Effect, Passes, Stage},
         raster::Raster,
         scene::SceneBuffers,
     },
@@ -37,7 +39,7 @@ pub fn obscurance(
     let buffers = SceneBuffers::new(gpu, scene);
     let raster = Raster::draw(gpu, &buffers, &camera);
     let samples = match options.preset.as_str() {
-        "fast" => DiskSamples::FiveAround,
+        "fast" => DiskSamples::Six,
         "accurate" => DiskSamples::Sixteen,
         _ => DiskSamples::Nine,
     };
@@ -170,7 +172,7 @@ pub fn of_pixels(
     let computed: u32 = masked.counts(gpu).iter().sum();
     let share = f64::from(computed) / f64::from(size[0] * size[1]);
     let pixels = read_image(gpu, &masked.target);
-    let off = rmse(&image, &pixels);
+    let off = rmse(image.as_flattened(), pixels.as_flattened());
     println!(
         "{:.1} % of the pixels computed; at full resolution {full_ms:.1} ms, RMSE {off:.4}",
         100.0 * share

@@ -11,6 +11,7 @@ pub mod files;
 pub mod gpu;
 pub mod hull;
 pub mod multires;
+pub mod near;
 pub mod presets;
 pub mod raster;
 pub mod scene;

@@ -108,7 +108,9 @@ impl SoftShadows<'_> {
                 0.0
             },
         };
-        let look_up = |point| self.map.look_up(point, seen.normal);
+        // Off the surface, and as far to the light.
+        let side = seen.normal + seen.arrival.to_light;
+        let look_up = |point| self.map.look_up(point, side);
         let middle = self.gap(&seen, look_up(seen.point));
         if settings.extent == 0.0 {
             return f64::from(u8::from(middle.is_none()));

@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use super::{
     depth_moments::Pyramid,
     directions::tangent_frame,
-    hashing::{hash, hash2, unit_float},
+    hashing::hash2,
     receivers::Decoder,
     trace::{Receiver, Tracer},
 };
@@ -13,7 +13,7 @@ use crate::{
     Camera, Combine, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume,
     gbuffer::depth_step,
     receivers::DEPTH_RELATIVE,
-    volumetric_obscurance::params::{entries, turns_uphill},
+    volumetric_obscurance::params::{frame, split, turns_uphill},
 };
 
 /// A depth buffer, with normals or without, and how it is encoded.
@@ -55,9 +55,9 @@ struct Ball {
     plane: f64,
 }
 
-/// A unit vector of the plane from 32 random bits.
+/// A unit vector of the plane from the upper half of 32 random bits.
 fn random_direction(bits: u32) -> DVec2 {
-    let angle = (unit_float(bits << 2) - 0.5) * std::f64::consts::FRAC_PI_2;
+    let angle = (f64::from((bits >> 16) & 0x3fff) / 16384.0 - 0.5) * std::f64::consts::FRAC_PI_2;
     let a2 = angle * angle;
     let c = 1.0 - a2 * (1.0 / 2.0 - a2 * (1.0 / 24.0 - a2 * (1.0 / 720.0 - a2 / 40320.0)));
     let s = angle
@@ -74,14 +74,28 @@ fn random_direction(bits: u32) -> DVec2 {
     }
 }
 
-/// What a pixel's samples are reflected about.
-fn random_mirror(bits: u32, points: bool) -> DVec3 {
+/// What a pixel's samples are turned by, or reflected about, and a draw.
+fn random_numbers(pixel: [u32; 2], settings: &ObscuranceSettings, points: bool) -> (DVec3, f64) {
+    let place = if settings.turn {
+        pixel[0] | (pixel[1] << 16)
+    } else {
+        0
+    };
+    let bits = hash2(place, settings.seed);
     let direction = random_direction(bits);
+    let draw = f64::from(bits & 0xffff) / 65536.0;
     if points {
-        let z = 2.0 * unit_float(hash(bits)) - 1.0;
-        return (direction * (1.0 - z * z).max(0.0).sqrt()).extend(z);
+        let z = 2.0 * draw - 1.0;
+        return ((direction * (1.0 - z * z).max(0.0).sqrt()).extend(z), draw);
     }
-    direction.extend(0.0)
+    (direction.extend(0.0), draw)
+}
+
+/// Two unit vectors across the axis: the camera's right and up, turned by the least angle.
+fn across_axis(camera: &Camera, axis: DVec3) -> [DVec3; 2] {
+    let [right, up, back] = frame(camera);
+    let middle = (axis + back) / (1.0 + axis.dot(back));
+    [right, up].map(|v| v - axis.dot(v) * middle)
 }
 
 /// How much of the heights low…high is matter.
@@ -215,13 +229,7 @@ impl DepthBuffer<'_> {
             return 1.0;
         };
         let points = matches!(sampling, ObscuranceSampling::Points(_));
-        let place = if settings.turn {
-            pixel[0] | (pixel[1] << 16)
-        } else {
-            0
-        };
-        let bits = hash2(place, settings.seed);
-        let random = (random_mirror(bits, points), unit_float(hash(bits)));
+        let random = random_numbers(pixel, settings, points);
         combined(settings, |radius| {
             let Some(ball) = Ball::new(&point, volume, f64::from(radius), settings) else {
                 return 1.0;
@@ -248,14 +256,27 @@ impl DepthBuffer<'_> {
             axis,
             ..
         } = point;
-        let frame = tangent_frame(axis);
+        let [right, up] = across_axis(self.camera(), axis);
+        let u = mirror.x * right + mirror.y * up;
+        let v = mirror.y * right - mirror.x * up;
         let facing = n.dot(axis).max(0.02);
         let scale = ball.radius;
         let thickness = (f64::from(settings.thickness) / scale).min(4e6);
         let uncertainty = point.uncertainty / scale;
         let uphill = turns_uphill(sampling, volume);
         let (mut matter, mut total) = (0.0, 0.0);
-        for entry in entries(sampling) {
+        let (center, samples) = split(sampling, volume);
+        if let Some([.., share]) = center.map(|entry| entry.map(f64::from)) {
+            if uphill {
+                total = share;
+            } else if volume == ObscuranceVolume::Sphere {
+                let occupied = (-uncertainty).max(-1.0) - (-uncertainty - thickness).max(-1.0);
+                (total, matter) = (share, share * occupied / 2.0);
+            } else {
+                total = share / 2.0;
+            }
+        }
+        for entry in samples {
             let [x, y, third, share] = entry.map(f64::from);
             if matches!(sampling, ObscuranceSampling::Points(_)) {
                 let sample = DVec3::new(x, y, third);
@@ -272,14 +293,12 @@ impl DepthBuffer<'_> {
                 }
                 continue;
             }
-            let sample = DVec2::new(x, y);
-            let mirror = mirror.truncate();
-            let mut p = 2.0 * sample.dot(mirror) * mirror - sample;
-            let rise = (frame * p.extend(0.0)).dot(n) / facing;
-            if uphill && third + rise < 2.0 * third * draw {
+            let mut p = DVec2::new(x, y);
+            let rise = (p.x * u + p.y * v).dot(n) / facing;
+            if uphill && rise < third * (2.0 * draw - 1.0) {
                 p = -p;
             }
-            let across = frame * p.extend(0.0);
+            let across = p.x * u + p.y * v;
             let at = ball.center + scale * across;
             let (seen, half_chord) = match sampling {
                 ObscuranceSampling::Areas(_) | ObscuranceSampling::OneArea => {
@@ -291,7 +310,7 @@ impl DepthBuffer<'_> {
                 }
                 _ => (self.look(at), third),
             };
-            let height = ((seen.position - ball.center).dot(axis) / scale).clamp(-1e6, 1e6);
+            let height = (seen.position - ball.center).dot(axis) / scale;
             let mut low = -half_chord;
             if volume != ObscuranceVolume::Sphere {
                 let over = (seen.position - position).dot(n) / scale;

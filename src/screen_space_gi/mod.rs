@@ -5,8 +5,8 @@ pub(crate) mod params;
 pub(crate) mod settings;
 
 use wgpu::{
-    BindGroupLayout, BindingType, CommandEncoder, ComputePipeline, Device, PipelineCache,
-    ShaderStages, TextureFormat, TextureUsages, TextureView, TextureViewDimension,
+    CommandEncoder, Device, PipelineCache, TextureFormat, TextureUsages, TextureView,
+    TextureViewDimension,
 };
 
 use self::{params::ScreenSpaceGiParams, settings::ScreenSpaceGiSettings};
@@ -15,11 +15,11 @@ use crate::{
     error::Error,
     gbuffer::{GBuffer, check_plain, samples_as_float},
     gpu::{
-        Kernel, Timestamps,
-        binding::{self, FLOAT_2D, READ, UNIFORM, view, whole},
-        check_timestamps, compute_pass, shader, uniform,
+        Timestamps,
+        binding::{self, FLOAT_2D, UNIFORM, view, whole},
+        check_timestamps, shader, uniform,
     },
-    work::{WorkList, check_work, dispatch_work},
+    work::{WorkKernel, WorkKernelDescriptor, WorkList, check_work},
 };
 
 pub(crate) const SOURCE: &str = include_str!("../../wgsl/screen_space_gi.wgsl");
@@ -36,8 +36,7 @@ const LABEL: &str = "deep-screen-space screen-space gi";
 /// Holds pipelines only; one serves any number of views.
 #[derive(Debug)]
 pub struct ScreenSpaceGi {
-    /// For all pixels, and for those of a list.
-    kernels: [(BindGroupLayout, ComputePipeline); 2],
+    kernel: WorkKernel,
 }
 
 /// What one recording of [`ScreenSpaceGi`] works on.
@@ -66,8 +65,10 @@ impl ScreenSpaceGi {
     /// # Errors
     /// None that a device with these limits gives.
     pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
-        let kernel = |list: bool| -> Result<_, Error> {
-            let mut entries: Vec<(u32, BindingType)> = vec![
+        let kernel = WorkKernelDescriptor {
+            label: LABEL,
+            entry: "bounce",
+            entries: &[
                 (0, UNIFORM),
                 (1, FLOAT_2D),
                 (2, FLOAT_2D),
@@ -76,22 +77,13 @@ impl ScreenSpaceGi {
                     4,
                     binding::store(TextureFormat::Rgba16Float, TextureViewDimension::D2),
                 ),
-            ];
-            entries.extend(list.then_some((5, READ)));
-            let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
-            let pipeline = Kernel {
-                label: LABEL,
-                module: &shader::create(device, LABEL, source(list)?),
-                entry: "bounce",
-                layouts: &[&layout],
-                constants: &[],
-                cache,
-            }
-            .create(device);
-            Ok((layout, pipeline))
+            ],
+            list: 5,
+            constants: &[],
+            cache,
         };
         Ok(Self {
-            kernels: [kernel(false)?, kernel(true)?],
+            kernel: WorkKernel::new(device, &kernel, source)?,
         })
     }
 
@@ -134,18 +126,15 @@ impl ScreenSpaceGi {
             LABEL,
             &ScreenSpaceGiParams::new(input, settings, level),
         );
-        let mut resources = vec![
+        let resources = vec![
             (0, whole(&params)),
             (1, view(input.gbuffer.depth)),
             (2, view(input.gbuffer.normal)),
             (3, view(input.lit)),
             (4, view(input.target)),
         ];
-        resources.extend(work.map(|work| (5, whole(work.pixels))));
-        let (layout, pipeline) = &self.kernels[usize::from(work.is_some())];
-        let group = binding::group(device, LABEL, layout, &resources);
-        let mut pass = compute_pass(encoder, LABEL, input.timestamps);
-        dispatch_work(&mut pass, pipeline, &group, work, viewport);
+        self.kernel
+            .record(device, encoder, resources, work, viewport, input.timestamps);
         Ok(())
     }
 }

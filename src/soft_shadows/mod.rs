@@ -4,8 +4,7 @@ pub(crate) mod params;
 pub(crate) mod settings;
 
 use wgpu::{
-    BindGroupLayout, BindingType, CommandEncoder, ComputePipeline, Device, PipelineCache,
-    ShaderStages, TextureFormat, TextureView, TextureViewDimension,
+    CommandEncoder, Device, PipelineCache, TextureFormat, TextureView, TextureViewDimension,
 };
 
 use self::{params::SoftShadowsParams, settings::SoftShadowsSettings};
@@ -14,13 +13,13 @@ use crate::{
     error::Error,
     gbuffer::GBuffer,
     gpu::{
-        Kernel, Timestamps,
-        binding::{self, FLOAT_2D, FLOAT_ARRAY, READ, UNIFORM, view, whole},
-        check_timestamps, compute_pass, shader, uniform,
+        Timestamps,
+        binding::{self, FLOAT_2D, FLOAT_ARRAY, UNIFORM, view, whole},
+        check_timestamps, shader, uniform,
     },
     light::Light,
     surfel_shader::{ShadowMap, params::ShadowParams},
-    work::{WorkList, check_work, dispatch_work},
+    work::{WorkKernel, WorkKernelDescriptor, WorkList, check_work},
 };
 
 pub(crate) const SOURCE: &str = include_str!("../../wgsl/soft_shadows.wgsl");
@@ -30,14 +29,16 @@ const LABEL: &str = "deep-screen-space soft shadows";
 /// The share of a light with an extent that arrives at each pixel, 0…1, from the caller's shadow map: blockers are looked
 /// for around the pixel, their mean distance gives the penumbra's width, and over that width the map is averaged.
 ///
+/// Points are looked up [`ShadowMap::bias`] texels off their surface and as much nearer to the light: what lies nearer than
+/// that to a surface does not shadow it, which inner edges, whose texels hold either surface, would otherwise do to themselves.
+///
 /// It is a picture of one depth: what a blocker hides of blockers behind it counts for nothing, and a penumbra of
 /// several is that of their mean. The cosine of the light's direction and a spot's cone are not in it.
 ///
 /// Holds pipelines only; one serves any number of views.
 #[derive(Debug)]
 pub struct SoftShadows {
-    /// For all pixels, and for those of a list.
-    kernels: [(BindGroupLayout, ComputePipeline); 2],
+    kernel: WorkKernel,
 }
 
 /// What one recording of [`SoftShadows`] works on.
@@ -68,8 +69,10 @@ impl SoftShadows {
     /// # Errors
     /// None that a device with these limits gives.
     pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
-        let kernel = |list: bool| -> Result<_, Error> {
-            let mut entries: Vec<(u32, BindingType)> = vec![
+        let kernel = WorkKernelDescriptor {
+            label: LABEL,
+            entry: "soften",
+            entries: &[
                 (0, UNIFORM),
                 (1, FLOAT_2D),
                 (2, FLOAT_2D),
@@ -79,22 +82,13 @@ impl SoftShadows {
                     5,
                     binding::store(TextureFormat::R32Float, TextureViewDimension::D2),
                 ),
-            ];
-            entries.extend(list.then_some((6, READ)));
-            let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
-            let pipeline = Kernel {
-                label: LABEL,
-                module: &shader::create(device, LABEL, source(list)?),
-                entry: "soften",
-                layouts: &[&layout],
-                constants: &[],
-                cache,
-            }
-            .create(device);
-            Ok((layout, pipeline))
+            ],
+            list: 6,
+            constants: &[],
+            cache,
         };
         Ok(Self {
-            kernels: [kernel(false)?, kernel(true)?],
+            kernel: WorkKernel::new(device, &kernel, source)?,
         })
     }
 
@@ -134,7 +128,7 @@ impl SoftShadows {
             LABEL,
             &ShadowParams::new(&input.map, input.camera.eye()),
         );
-        let mut resources = vec![
+        let resources = vec![
             (0, whole(&params)),
             (1, view(input.gbuffer.depth)),
             (2, view(input.gbuffer.normal)),
@@ -142,11 +136,8 @@ impl SoftShadows {
             (4, view(input.map.depth)),
             (5, view(input.target)),
         ];
-        resources.extend(work.map(|work| (6, whole(work.pixels))));
-        let (layout, pipeline) = &self.kernels[usize::from(work.is_some())];
-        let group = binding::group(device, LABEL, layout, &resources);
-        let mut pass = compute_pass(encoder, LABEL, input.timestamps);
-        dispatch_work(&mut pass, pipeline, &group, work, viewport);
+        self.kernel
+            .record(device, encoder, resources, work, viewport, input.timestamps);
         Ok(())
     }
 }

@@ -6,8 +6,7 @@ pub(crate) mod samples;
 pub(crate) mod settings;
 
 use wgpu::{
-    CommandEncoder, ComputePipeline, Device, PipelineCache, ShaderStages, TextureFormat,
-    TextureView, TextureViewDimension,
+    CommandEncoder, Device, PipelineCache, TextureFormat, TextureView, TextureViewDimension,
 };
 
 use self::{
@@ -20,11 +19,11 @@ use crate::{
     error::Error,
     gbuffer::{Normals, check_depth},
     gpu::{
-        Kernel, Timestamps,
+        Timestamps,
         binding::{self, FLOAT_2D, READ, UNIFORM, view, whole},
-        check_timestamps, compute_pass, shader, uniform,
+        check_timestamps, shader, uniform,
     },
-    work::{WorkList, check_work, dispatch_work},
+    work::{WorkKernel, WorkKernelDescriptor, WorkList, check_work},
 };
 
 pub(crate) const SOURCE: &str = include_str!("../../wgsl/volumetric_obscurance.wgsl");
@@ -62,8 +61,7 @@ pub struct VolumetricObscurance {
     sampling: ObscuranceSampling,
     volume: ObscuranceVolume,
     moments: Option<DepthMomentsPass>,
-    /// Over all pixels, and over a list.
-    kernels: [(wgpu::BindGroupLayout, ComputePipeline); 2],
+    kernel: WorkKernel,
 }
 
 /// What one recording of a [`VolumetricObscurance`] works on.
@@ -100,30 +98,26 @@ impl VolumetricObscurance {
             volume,
             cache,
         } = descriptor;
-        let create = |list: bool| -> Result<_, Error> {
-            let variant = ObscuranceVariant::new(sampling, volume, list);
-            let target = binding::store(TARGET, TextureViewDimension::D2);
-            let mut entries = vec![(0, UNIFORM), (1, FLOAT_2D), (2, target)];
-            entries.extend(variant.normals.then_some((3, FLOAT_2D)));
-            entries.extend(variant.list.then_some((4, READ)));
-            entries.extend(variant.areas.then_some((5, READ)));
-            let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
-            let module = shader::create(device, LABEL, source(variant)?);
-            let points = matches!(sampling, ObscuranceSampling::Points(_));
-            let tangent = volume == ObscuranceVolume::TangentSphere;
-            let pipeline = Kernel {
-                label: LABEL,
-                module: &module,
-                entry: "obscurance_of_pixels",
-                layouts: &[&layout],
-                constants: &[
-                    ("POINTS", f64::from(u8::from(points))),
-                    ("TANGENT", f64::from(u8::from(tangent))),
-                ],
-                cache,
-            }
-            .create(device);
-            Ok((layout, pipeline))
+        let variant = |list: bool| ObscuranceVariant::new(sampling, volume, list);
+        let target = binding::store(TARGET, TextureViewDimension::D2);
+        let mut entries = vec![(0, UNIFORM), (1, FLOAT_2D), (2, target)];
+        entries.extend(variant(false).normals.then_some((3, FLOAT_2D)));
+        entries.extend(variant(false).areas.then_some((5, READ)));
+        let flag = |on: bool| f64::from(u8::from(on));
+        let points = matches!(sampling, ObscuranceSampling::Points(_));
+        let tangent = volume == ObscuranceVolume::TangentSphere;
+        let kernel = WorkKernelDescriptor {
+            label: LABEL,
+            entry: "obscurance_of_pixels",
+            entries: &entries,
+            list: 4,
+            constants: &[
+                ("POINTS", flag(points)),
+                ("TANGENT", flag(tangent)),
+                ("UPHILL", flag(params::turns_uphill(sampling, volume))),
+                ("COUNT", params::split(sampling, volume).1.len() as f64),
+            ],
+            cache,
         };
         let moments = if takes_areas(sampling) {
             Some(DepthMomentsPass::new(device, cache)?)
@@ -134,7 +128,7 @@ impl VolumetricObscurance {
             sampling,
             volume,
             moments,
-            kernels: [create(false)?, create(true)?],
+            kernel: WorkKernel::new(device, &kernel, |list| source(variant(list)))?,
         })
     }
 
@@ -239,12 +233,15 @@ impl VolumetricObscurance {
             (2, view(input.target)),
         ];
         resources.extend(normals.map(|normals| (3, view(normals.view))));
-        resources.extend(input.work.map(|work| (4, whole(work.pixels))));
         resources.extend(moments.map(|moments| (5, whole(&moments.buffer))));
-        let (layout, pipeline) = &self.kernels[usize::from(input.work.is_some())];
-        let group = binding::group(device, LABEL, layout, &resources);
-        let mut pass = compute_pass(encoder, LABEL, input.timestamps);
-        dispatch_work(&mut pass, pipeline, &group, input.work, viewport);
+        self.kernel.record(
+            device,
+            encoder,
+            resources,
+            input.work,
+            viewport,
+            input.timestamps,
+        );
         Ok(())
     }
 }

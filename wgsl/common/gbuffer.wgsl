@@ -42,8 +42,7 @@ fn stored_normal(encoding: u32, texel: vec3f, none: vec3f) -> vec3f {
 // normals are in view space.
 fn decode_normal(camera: Camera, encoding: vec2u, texel: vec3f, to_eye: vec3f) -> vec3f {
   let n = stored_normal(encoding.x, texel, vec3f(0.0));
-  if encoding.y != 0u {
-    return normalize_or(camera.view_to_world * n, to_eye);
-  }
-  return normalize_or(n, to_eye);
+  // The camera's axes are unit vectors.
+  let turned = select(n, camera.view_to_world * n, encoding.y != 0u);
+  return select(turned, to_eye, all(n == vec3f(0.0)));
 }
