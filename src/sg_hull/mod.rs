@@ -35,8 +35,10 @@ const LABEL: &str = "deep-screen-space hull";
 /// Segments what is seen, gathers light at the corners of the segments' rectangles and integrates it at every pixel.
 ///
 /// The cost of a [`Gatherer`] is paid at some thousand vertices whatever the resolution, and each pixel's own normal still
-/// shades it. Light has to vary little over 1/32 of the picture, and to be told by one lobe a colour channel; shadows
-/// finer than that, and glossy reflections, are not for it.
+/// shades it. Light has to vary little over a quad, and to be told by one lobe a colour channel where normals vary. Quads
+/// where it is not so are found ([`SgHullSettings::misfit`]), and light is gathered at each of their pixels: cost grows with
+/// fine shadows, thin things and relief, rather than error. What is lit from more than 30° below the plane of its quad's
+/// corners, and shows in none of them, is not found. Glossy reflections are not for it.
 ///
 /// Holds pipelines only, for one gatherer and one target format; one serves any number of views.
 #[derive(Debug)]
