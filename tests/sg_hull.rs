@@ -314,7 +314,17 @@ fn vertices_and_pixels_are_those_of_the_mirror() {
         hull,
     } = &*LAB;
     let settings = SgHullSettings::default();
-    for (name, lights) in [("cornell", lamps()), ("fence", lamps()[2..].to_vec())] {
+    // Light beside a wall leaves the rest dark: there misfit is in units of the dimmest corner. Columns have it from normals.
+    let beside = Light::Point {
+        position: DVec3::new(-2.6, 2.7, 0.0),
+        intensity: [1.0, 2.0, 3.0],
+    };
+    for (name, lights) in [
+        ("cornell", lamps()),
+        ("cornell", vec![beside]),
+        ("fence", lamps()[2..].to_vec()),
+        ("colonnade", lamps()[2..].to_vec()),
+    ] {
         let scene = scenes::by_name(name).expect("a scene");
         let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, [96, 64]));
         let eye = shot.camera.eye();
@@ -411,6 +421,24 @@ fn vertices_and_pixels_are_those_of_the_mirror() {
             });
             corners.insert(slot, list);
         }
+        // A quad's normals: a pixel is a texel here.
+        let mut normals: BTreeMap<u32, Vec<DVec3>> = BTreeMap::new();
+        for (slot, receiver) in recorded.segment_of.iter().zip(&receivers) {
+            if let Some(receiver) = receiver {
+                normals.entry(*slot).or_default().push(receiver.normal);
+            }
+        }
+        for (slot, list) in &normals {
+            let mean = list.iter().sum::<DVec3>() / list.len() as f64;
+            let expected = (2.0 * (1.0 - mean.length())).max(0.0).sqrt();
+            let found = f64::from(recorded.segments[*slot as usize].spread);
+            // What the kernel takes off for rounding is 1.4e-3 where there is nothing else.
+            assert!(
+                (found - expected).abs() < 2e-3 + 0.02 * expected,
+                "{name}: segment {slot} of {} pixels: {found}, expected {expected}",
+                list.len()
+            );
+        }
         // Each vertex that light is gathered at counts, once.
         assert_eq!(recorded.counts.gathered, gathered, "{name}");
         let mean = f64::from(recorded.counts.mean_irradiance);
@@ -475,7 +503,10 @@ fn vertices_and_pixels_are_those_of_the_mirror() {
         );
         // A plane that is seen edge-on puts its corners where rounding has them.
         assert!(off_vertices * 100 <= vertices, "{name}");
-        assert!(off_pixels as usize * 200 <= recorded.pixels.len(), "{name}");
+        assert!(
+            off_pixels as usize * 1000 <= recorded.pixels.len(),
+            "{name}"
+        );
     }
 }
 
