@@ -316,7 +316,7 @@ fn vertices_and_pixels_are_those_of_the_mirror() {
         hull,
     } = &*LAB;
     let settings = SgHullSettings::default();
-    // Light beside a wall leaves the rest dark: there misfit is in units of the dimmest corner. Posts have it from their normals.
+    // Light beside a wall leaves the rest dark: there misfit is in units of the dimmest corner. Columns have it from their normals.
     let beside = Light::Point {
         position: DVec3::new(-2.6, 2.7, 0.0),
         intensity: [1.0, 2.0, 3.0],
@@ -325,7 +325,7 @@ fn vertices_and_pixels_are_those_of_the_mirror() {
         ("cornell", 0.3, lamps()),
         ("cornell", 0.3, vec![beside]),
         ("fence", 0.3, lamps()[2..].to_vec()),
-        ("fence", 0.06, lamps()[2..].to_vec()),
+        ("colonnade", 0.06, lamps()),
     ] {
         let settings = SgHullSettings { misfit, ..settings };
         let scene = scenes::by_name(name).expect("a scene");
