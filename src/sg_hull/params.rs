@@ -86,9 +86,10 @@ pub struct HullVertex {
     /// What the lobe of each channel adds to the irradiance of a surface with the vertex's normal that is not there.
     pub excess: [f32; 3],
     /// The vertex that the light was gathered at: this one, or one at the same corner of a neighbour on the same surface,
-    /// or the first of a small segment. Moments, excess and irradiance are 0 where it is another.
+    /// or the first of a segment of four pixels or fewer, which has no light either: that is gathered at the pixels. Moments
+    /// and excess are 0 where it is another.
     pub owner: u32,
-    /// What a surface with the normal that light was gathered for receives, W/m².
+    /// What a surface with the segment's mean normal receives at the corner, whoever owns it, W/m².
     pub irradiance: [f32; 3],
     /// 0.
     pub padding: u32,
