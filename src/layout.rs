@@ -256,11 +256,18 @@ fn structs_match_the_shaders() {
         &disks,
         size_of::<DiskParams>(),
     );
-    let hull = fields!(SgHullParams: camera, along, capacity, grid, tiles, step, plane_distance, gap, normal_cosine, quad);
-    let segment = fields!(HullSegment: rect, nearest, farthest, anchor, normal);
-    let counts = fields!(SgHullCounts: segments, fallbacks, fallback_pixels, draw, dispatch);
-    let vertex = fields!(HullVertex: position, depth, red, green, blue, excess, owner);
-    for stage in ["sg_hull_gather", "sg_hull albedo"] {
+    let hull = fields!(SgHullParams: camera, along, capacity, grid, tiles, step, exact_room, misfit, plane_distance, gap,
+        normal_cosine, quad);
+    let segment = fields!(HullSegment: rect, nearest, farthest, anchor, normal, spread);
+    let counts = fields!(SgHullCounts: segments, fallbacks, fallback_pixels, gathered, draw, misfits, exact_pixels,
+        mean_irradiance, points);
+    let vertex = fields!(HullVertex: position, depth, red, green, blue, excess, owner, irradiance);
+    for stage in [
+        "sg_hull_place",
+        "sg_hull_gather",
+        "sg_hull_judge",
+        "sg_hull albedo",
+    ] {
         check(&ao, stage, "HullVertex", &vertex, size_of::<HullVertex>());
     }
     let gathered = fields!(SurfelGatherParams: offset, stored, levels, unbounded, seed, world_radius, reach, places);
@@ -289,7 +296,16 @@ fn structs_match_the_shaders() {
         &map,
         size_of::<ReflectiveShadowMapParams>(),
     );
-    for stage in ["sg_hull_segment", "sg_hull_gather", "sg_hull albedo"] {
+    let first = |count: usize| &counts[..count];
+    check(&ao, "sg_hull_segment", "AtomicCounters", first(3), 12);
+    check(&ao, "sg_hull_place", "PlaceCounters", first(5), 32);
+    check(&ao, "sg_hull_judge", "JudgeCounters", first(8), 48);
+    for stage in [
+        "sg_hull_segment",
+        "sg_hull_plan",
+        "sg_hull_gather",
+        "sg_hull albedo",
+    ] {
         check(&ao, stage, "Params", &hull, size_of::<SgHullParams>());
         check(&ao, stage, "Segment", &segment, size_of::<HullSegment>());
         check(&ao, stage, "Counters", &counts, size_of::<SgHullCounts>());

@@ -168,6 +168,8 @@ pub fn shaders(effect: &Effect) -> Result<Vec<Shader>, Error> {
     for (stage, name) in [
         (HullStage::Segment, "sg_hull_segment"),
         (HullStage::Plan, "sg_hull_plan"),
+        (HullStage::Place, "sg_hull_place"),
+        (HullStage::Judge, "sg_hull_judge"),
     ] {
         all.push(shader(name, sg_hull::source("", stage, false)?, none));
     }

@@ -192,7 +192,8 @@ impl Lab {
         let gathered = (0..).zip(&vertices[..counts[0].vertices() as usize]);
         (
             gathered
-                .filter(|(i, v)| v.owner == *i)
+                // Those of tiny segments have no light: it is gathered at the pixels.
+                .filter(|(i, v)| v.owner == *i && v.green[3] > 0.0)
                 .map(|(_, v)| *v)
                 .collect(),
             self.gpu.read_texture(target.texture(), 0),

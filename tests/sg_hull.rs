@@ -16,7 +16,10 @@ use deep_screen_space::{
     SgHullCounts, SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize, SgHullView, Viewport,
     glam::{DMat4, DVec3, DVec4},
     reference::{
-        sg_hull::{Corner, Hull, gather_lights, shade},
+        packing::unpack_normal,
+        sg_hull::{
+            Corner, Hull, gather_lights, is_flat, is_tiny, misfit as reference_misfit, shade,
+        },
         shell_splatter::Receiver,
     },
     scenes,
@@ -313,7 +316,18 @@ fn vertices_and_pixels_are_those_of_the_mirror() {
         hull,
     } = &*LAB;
     let settings = SgHullSettings::default();
-    for (name, lights) in [("cornell", lamps()), ("fence", lamps()[2..].to_vec())] {
+    // Light beside a wall leaves the rest dark: there misfit is in units of the dimmest corner. Columns have it from their normals.
+    let beside = Light::Point {
+        position: DVec3::new(-2.6, 2.7, 0.0),
+        intensity: [1.0, 2.0, 3.0],
+    };
+    for (name, misfit, lights) in [
+        ("cornell", 0.3, lamps()),
+        ("cornell", 0.3, vec![beside]),
+        ("fence", 0.3, lamps()[2..].to_vec()),
+        ("colonnade", 0.06, lamps()),
+    ] {
+        let settings = SgHullSettings { misfit, ..settings };
         let scene = scenes::by_name(name).expect("a scene");
         let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, [96, 64]));
         let eye = shot.camera.eye();
@@ -329,12 +343,17 @@ fn vertices_and_pixels_are_those_of_the_mirror() {
             settings: &settings,
         };
         let (mut off_vertices, mut off_pixels, mut vertices) = (0, 0, 0);
+        let (mut gathered, mut sum) = (0_u32, 0.0);
         let mut corners = BTreeMap::new();
         let mut slots: BTreeSet<u32> = recorded.segment_of.iter().copied().collect();
         slots.remove(&SKY);
         let slot_of: BTreeMap<u32, u32> = slots.iter().map(|s| (recorded.index(*s), *s)).collect();
         let mut shared = 0;
         for slot in slots {
+            let segment = recorded.segments[slot as usize];
+            if is_tiny(&segment) {
+                continue;
+            }
             let list = [0, 1, 2, 3].map(|corner| {
                 let own = recorded.vertices[(4 * recorded.index(slot) + corner) as usize];
                 let place = |slot: u32, corner| {
@@ -369,6 +388,10 @@ fn vertices_and_pixels_are_those_of_the_mirror() {
                 }
                 let (position, normal) = place(owner.0, owner.1);
                 let lobes = gather_lights(&lights, position + eye, normal);
+                if owner == (slot, corner) {
+                    gathered += 1;
+                    sum += lobes.irradiance.element_sum() / 3.0;
+                }
                 let excess = lobes.excess(normal);
                 let total = lobes.moments.iter().fold(1e-6, |s, m| f64::max(s, m.total));
                 let near = |a: DVec3, b: DVec3, tolerance: f64| a.distance(b) <= tolerance;
@@ -386,28 +409,92 @@ fn vertices_and_pixels_are_those_of_the_mirror() {
                     vector: DVec3::new(m[0].into(), m[1].into(), m[2].into()),
                     total: m[3].into(),
                 };
-                Corner {
+                let found = Corner {
                     moments: [found.red, found.green, found.blue].map(moments),
                     excess: wide(found.excess),
                     depth: own.depth.into(),
-                }
+                };
+                let expected = found.irradiance(unpack_normal(segment.normal));
+                assert!(
+                    near(wide(own.irradiance), expected, 1e-3 * total),
+                    "{name}: {slot} {corner}: {:?}, expected {expected}",
+                    own.irradiance
+                );
+                found
             });
             corners.insert(slot, list);
         }
+        // A quad's normals: a pixel is a texel here.
+        let mut normals: BTreeMap<u32, Vec<DVec3>> = BTreeMap::new();
+        for (slot, receiver) in recorded.segment_of.iter().zip(&receivers) {
+            if let Some(receiver) = receiver {
+                normals.entry(*slot).or_default().push(receiver.normal);
+            }
+        }
+        for (slot, list) in &normals {
+            let mean = list.iter().sum::<DVec3>() / list.len() as f64;
+            let expected = (2.0 * (1.0 - mean.length())).max(0.0).sqrt();
+            let found = f64::from(recorded.segments[*slot as usize].spread);
+            // What the kernel takes off for rounding is 1.4e-3 where there is nothing else.
+            assert!(
+                (found - expected).abs() < 2e-3 + 0.02 * expected,
+                "{name}: segment {slot} of {} pixels: {found}, expected {expected}",
+                list.len()
+            );
+        }
+        // Each vertex that light is gathered at counts, once.
+        assert_eq!(recorded.counts.gathered, gathered, "{name}");
+        let mean = f64::from(recorded.counts.mean_irradiance);
+        let expected = sum / f64::from(gathered);
+        assert!(
+            (mean - expected).abs() < 2e-3 * expected,
+            "{name}: mean {mean}, expected {expected}"
+        );
+        let (mut exact, mut flat, mut either) = (0_u32, 0, 0);
         for (i, (slot, pixel)) in recorded.segment_of.iter().zip(&recorded.pixels).enumerate() {
-            let (Some(list), Some(receiver)) = (corners.get(slot), &receivers[i]) else {
+            let Some(receiver) = receivers[i].as_ref().filter(|_| *slot != SKY) else {
                 continue;
             };
-            let rect = recorded.segments[*slot as usize].rect;
-            let expected = shade(rect, list, [i as u32 % 96, i as u32 / 96], receiver.normal);
+            let segment = recorded.segments[*slot as usize];
+            let truth = || {
+                gather_lights(&lights, receiver.position + eye, receiver.normal).irradiance
+                    / std::f64::consts::PI
+            };
             let found = DVec3::from([pixel[0], pixel[1], pixel[2]].map(f64::from));
+            let list = corners.get(slot).filter(|_| *slot < recorded.size.segments);
+            let Some(list) = list else {
+                exact += 1;
+                off_pixels += u32::from(found.distance(truth()) > 2e-3 * truth().length() + 1e-6);
+                continue;
+            };
+            let at = [i as u32 % 96, i as u32 / 96];
+            let hull = shade(&segment, list, at, receiver.normal);
             let scale = list
                 .iter()
                 .fold(1e-6, |s, c| f64::max(s, c.moments[1].total));
-            if found.distance(expected) > 2e-3 * scale {
-                off_pixels += 1;
-            }
+            let is = |expected: DVec3| found.distance(expected) <= 2e-3 * scale;
+            let bound = f64::from(settings.misfit);
+            let here = reference_misfit(&segment, list, mean);
+            // Rounding moves what is close to the bound either way.
+            let right = if (here / bound - 1.0).abs() < 0.01 {
+                either += 1;
+                is(hull) || is(truth())
+            } else if here < bound {
+                flat += i32::from(is_flat(&segment));
+                is(hull)
+            } else {
+                exact += 1;
+                is(truth())
+            };
+            off_pixels += u32::from(!right);
         }
+        println!("{name}: {exact} pixels by themselves, {either} perhaps, {flat} of flat quads");
+        assert!(exact > 20 && flat > 20, "{name}");
+        assert!(
+            (exact..=exact + either).contains(&recorded.counts.exact_pixels),
+            "{name}: {} of {exact} and {either}",
+            recorded.counts.exact_pixels
+        );
         // Most of a flat wall's are.
         assert!(
             name != "cornell" || 2 * shared > vertices,
@@ -419,7 +506,10 @@ fn vertices_and_pixels_are_those_of_the_mirror() {
         );
         // A plane that is seen edge-on puts its corners where rounding has them.
         assert!(off_vertices * 100 <= vertices, "{name}");
-        assert!(off_pixels * 200 <= recorded.pixels.len(), "{name}");
+        assert!(
+            off_pixels as usize * 1000 <= recorded.pixels.len(),
+            "{name}"
+        );
     }
 }
 
@@ -663,6 +753,55 @@ fn picture_is_close_to_the_truth() {
     assert!(mean > 0.02, "the picture is black: {mean}");
 }
 
+/// The bound on misfit: at 0 the picture is the truth, and between it and infinity the error falls with it. Pixels that
+/// find no room are shaded by the hull, tiny segments as well.
+#[test]
+fn misfit_converges() {
+    let gpu = gpu();
+    let scene = scenes::by_name("fence").expect("a scene");
+    let camera = camera_of(&scene, 0, [128, 96]);
+    let buffers = SceneBuffers::new(&gpu, &scene);
+    let raster = Raster::draw(&gpu, &buffers, &camera);
+    let size = SgHullSize::new(128, 96);
+    let mut renderer = HullRenderer::new(&gpu, size, Components::default()).expect("it fits");
+    let lights = renderer
+        .lights(&gpu, &buffers, &Lamp::of(&scene), camera.eye())
+        .expect("lights");
+    let (_, truth) = renderer
+        .render_exact(&gpu, &raster, &camera, &lights)
+        .expect("a picture");
+    let mut before = (f64::INFINITY, 0);
+    for misfit in [f32::INFINITY, 0.5, 0.1, 0.0] {
+        renderer.settings.misfit = misfit;
+        let (_, found) = renderer
+            .render(&gpu, &raster, &camera, &lights)
+            .expect("a picture");
+        let off = difference(&found, &truth, 128);
+        let counts = renderer.counts(&gpu);
+        println!("{misfit}: {off:?}, {} pixels", counts.exact_pixels);
+        assert!(
+            off.rmse < before.0 && counts.exact_pixels > before.1,
+            "{misfit}: {off:?} after {before:?}"
+        );
+        before = (off.rmse, counts.exact_pixels);
+    }
+    // Both gather alike; compilers may contract differently.
+    assert!(before.0 < 1e-5, "{before:?}");
+
+    let size = SgHullSize { exact: 50, ..size };
+    let mut few = HullRenderer::new(&gpu, size, Components::default()).expect("it fits");
+    few.settings.misfit = 0.0;
+    let (_, found) = few
+        .render(&gpu, &raster, &camera, &lights)
+        .expect("a picture");
+    let counts = few.counts(&gpu);
+    assert_eq!(counts.exact_overflow(&size), before.1 - 50, "{counts:?}");
+    assert_eq!(counts.points[0], 50, "{counts:?}");
+    let off = difference(&found, &truth, 128);
+    println!("50 pixels: {off:?}");
+    assert!(off.energy.abs() < 0.05, "{off:?}");
+}
+
 /// A square light above a point, by the form factor of a parallel square.
 #[test]
 fn polygons_have_their_form_factor() {
@@ -784,6 +923,7 @@ fn what_does_not_fit_is_refused() {
         "::plane_distance",
     );
     refused(with(&|s| s.normal_angle = 4.0), "Setting", "::normal_angle");
+    refused(with(&|s| s.misfit = f32::NAN), "Setting", "::misfit");
     let size = SgHullSize::new(16, 16);
     let create = |size| hull.create_view(device, size);
     refused(create(SgHullSize { width: 0, ..size }), "Setting", "size");
@@ -794,7 +934,12 @@ fn what_does_not_fit_is_refused() {
     };
     refused(create(many), "Limit", "max_storage_buffer_binding_size");
     let view: SgHullView = create(size).expect("a view");
-    assert!(view.memory_bytes() > 65536 * 352);
+    assert!(view.memory_bytes() > 65536 * 468);
+    refused(
+        create(SgHullSize { exact: 0, ..size }),
+        "Setting",
+        "::exact",
+    );
 
     let scene = scenes::cornell();
     let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, [16, 16]));

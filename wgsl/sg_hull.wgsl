@@ -2,7 +2,8 @@
 // Bruederlin 2018, sections 3 and 4). Fragments of pixels that belong to another segment are dropped.
 //
 // Moments are interpolated, not lobes: sums of light are linear, so that the total is kept, and a lobe's axis comes out
-// of them with unit length.
+// of them with unit length. Where a quad has one normal, what is to be had of the lobes is known at the corners: irradiance
+// itself is interpolated, which is cheaper and does not bend between them.
 //
 // @group(0) @binding(0) params, 1 receivers, 2 the segment of each pixel, 3 segments, 4 counters, 5 vertices, 6 albedo
 
@@ -30,50 +31,81 @@ struct Corner {
   @location(4) excess: vec3f,
 }
 
+struct FlatCorner {
+  @builtin(position) clip: vec4f,
+  @location(0) @interpolate(flat) id: u32,
+  @location(1) irradiance: vec3f,
+}
+
+// Where a corner is in the picture. Those of quads that are not to be drawn are all in one point.
+fn clip_position(segment: Segment, corner: u32, depth: f32, drawn: bool) -> vec4f {
+  let edge = vec2u(select(segment.rect.x, segment.rect.z, (corner & 1u) != 0u),
+    select(segment.rect.y, segment.rect.w, (corner & 2u) != 0u));
+  let ndc = vec2f(edge) / vec2f(params.camera.viewport.zw) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
+  // Only its ratio to the other corners' counts.
+  let w = select(1.0, clamp(depth / max(segment.farthest, 1e-30), 1e-6, 1.0), params.camera.perspective != 0u);
+  return select(vec4f(0.0, 0.0, 0.0, 1.0), vec4f(ndc * w, 0.5 * w, w), drawn);
+}
+
 @vertex
 fn corner(@builtin(vertex_index) corner: u32, @builtin(instance_index) i: u32) -> Corner {
   let slot = segment_slot(params, counters.segments, i);
   let segment = segments[slot];
-  let edge = vec2u(select(segment.rect.x, segment.rect.z, (corner & 1u) != 0u),
-    select(segment.rect.y, segment.rect.w, (corner & 2u) != 0u));
-  let ndc = vec2f(edge) / vec2f(params.camera.viewport.zw) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
   let vertex = vertices[i * 4u + corner];
-  // Only its ratio to the other corners' counts.
-  let w = select(1.0, clamp(vertex.depth / max(segment.farthest, 1e-30), 1e-6, 1.0), params.camera.perspective != 0u);
+  let clip = clip_position(segment, corner, vertex.depth, !is_flat(segment));
   let light = vertices[vertex.owner];
-  return Corner(vec4f(ndc * w, 0.5 * w, w), slot, light.red, light.green, light.blue, light.excess);
+  return Corner(clip, slot, light.red, light.green, light.blue, light.excess);
+}
+
+@vertex
+fn flat_corner(@builtin(vertex_index) corner: u32, @builtin(instance_index) i: u32) -> FlatCorner {
+  let slot = segment_slot(params, counters.segments, i);
+  let segment = segments[slot];
+  let vertex = vertices[i * 4u + corner];
+  return FlatCorner(clip_position(segment, corner, vertex.depth, is_flat(segment)), slot, vertex.irradiance);
 }
 
 fn pixel_of(fragment: vec4f) -> vec2u {
   return min(vec2u(fragment.xy) - params.camera.viewport.xy, params.camera.viewport.zw - 1u);
 }
 
-fn reflected(moments: LightMoments, excess: f32, normal: vec3f) -> f32 {
-  let scaled = sg_lobe(moments);
-  let irradiance = scaled.amplitude * sg_cosine_integral(dot(normal, scaled.lobe.axis), scaled.lobe.sharpness);
-  return max(irradiance - excess, 0.0) / PI;
+fn is_of(pixel: vec2u, id: u32) -> bool {
+  return segment_of[pixel.y * params.camera.viewport.z + pixel.x] == id;
 }
 
-@fragment
-fn shade(in: Corner) -> @location(0) vec4f {
-  let pixel = pixel_of(in.clip);
-  if segment_of[pixel.y * params.camera.viewport.z + pixel.x] != in.id {
-    discard;
-  }
-  let normal = unpack_normal(textureLoad(receivers, pixel, 0).w);
-  var color = vec3f(reflected(in.red, in.excess.x, normal), reflected(in.green, in.excess.y, normal),
-    reflected(in.blue, in.excess.z, normal));
+fn reflected(pixel: vec2u, irradiance: vec3f) -> vec4f {
+  var color = irradiance / PI;
 #if ALBEDO
   color *= textureLoad(albedo_texture, params.camera.viewport.xy + pixel, 0).xyz;
 #endif
   return vec4f(color, 1.0);
 }
 
+@fragment
+fn shade(in: Corner) -> @location(0) vec4f {
+  let pixel = pixel_of(in.clip);
+  if !is_of(pixel, in.id) {
+    discard;
+  }
+  let normal = unpack_normal(textureLoad(receivers, pixel, 0).w);
+  return reflected(pixel, vec3f(lobe_irradiance(in.red, in.excess.x, normal),
+    lobe_irradiance(in.green, in.excess.y, normal), lobe_irradiance(in.blue, in.excess.z, normal)));
+}
+
+@fragment
+fn shade_flat(in: FlatCorner) -> @location(0) vec4f {
+  let pixel = pixel_of(in.clip);
+  if !is_of(pixel, in.id) {
+    discard;
+  }
+  return reflected(pixel, in.irradiance);
+}
+
 // The sky reflects nothing, and no quad covers it.
 @fragment
 fn clear_sky(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
   let pixel = pixel_of(fragment);
-  if segment_of[pixel.y * params.camera.viewport.z + pixel.x] != SKY_PIXEL {
+  if !is_of(pixel, SKY_PIXEL) {
     discard;
   }
   return vec4f(0.0, 0.0, 0.0, 1.0);

@@ -1,18 +1,35 @@
-// Light gathered at every pixel, for comparison and where pixels are few (src/sg_hull).
+// Light gathered at every pixel for comparison, and at the pixels of quads that do not fit (src/sg_hull).
 //
-// @group(0) @binding(0) params, 1 receivers, 6 albedo
+// @group(0) @binding(0) params, 1 receivers, 2 counters, 3 and 4 the list of pixels, 6 albedo
 // @group(1) what the gatherer binds
 
 #import sg_hull
+#import dispatch
 #import lobes
 #import gatherer
 #import screen
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var receivers: texture_2d<u32>;
+@group(0) @binding(2) var<storage, read> counters: Counters;
+// The light, and the pixel's number: for the kernel and for the points.
+@group(0) @binding(3) var<storage, read_write> pixels: array<vec4u>;
+@group(0) @binding(4) var<storage, read> gathered: array<vec4u>;
 #if ALBEDO
 @group(0) @binding(6) var albedo_texture: texture_2d<f32>;
 #endif
+
+fn irradiance_at(texel: vec4u) -> vec3f {
+  return gather(receiver_position(texel), unpack_normal(texel.w), 0u, 1u).irradiance;
+}
+
+fn reflected(pixel: vec2u, irradiance: vec3f) -> vec4f {
+  var color = irradiance / PI;
+#if ALBEDO
+  color *= textureLoad(albedo_texture, params.camera.viewport.xy + pixel, 0).xyz;
+#endif
+  return vec4f(color, 1.0);
+}
 
 @fragment
 fn exact(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
@@ -21,11 +38,39 @@ fn exact(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
   if texel.w == SKY {
     return vec4f(0.0, 0.0, 0.0, 1.0);
   }
-  let normal = unpack_normal(texel.w);
-  let lobes = gather(receiver_position(texel), normal, 0u, 1u);
-  var color = lobes.irradiance / PI;
-#if ALBEDO
-  color *= textureLoad(albedo_texture, params.camera.viewport.xy + pixel, 0).xyz;
-#endif
-  return vec4f(color, 1.0);
+  return reflected(pixel, irradiance_at(texel));
+}
+
+fn pixel_at(number: u32) -> vec2u {
+  return vec2u(number % params.camera.viewport.z, number / params.camera.viewport.z);
+}
+
+@compute @workgroup_size(64)
+fn gather_pixels(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) thread: u32) {
+  let k = linear_workgroup(workgroup) * 64u + thread;
+  if k >= counters.points.x {
+    return;
+  }
+  let number = pixels[k].w;
+  let found = irradiance_at(textureLoad(receivers, pixel_at(number), 0));
+  // Light that is not finite is none.
+  pixels[k] = vec4u(bitcast<vec3u>(select(vec3f(0.0), found, is_finite3(found))), number);
+}
+
+struct Point {
+  @builtin(position) clip: vec4f,
+  @location(0) @interpolate(flat) irradiance: vec3f,
+}
+
+@vertex
+fn point(@builtin(vertex_index) i: u32) -> Point {
+  let here = gathered[i];
+  let ndc = (vec2f(pixel_at(here.w)) + 0.5) / vec2f(params.camera.viewport.zw) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
+  return Point(vec4f(ndc, 0.5, 1.0), bitcast<vec3f>(here.xyz));
+}
+
+@fragment
+fn draw_point(in: Point) -> @location(0) vec4f {
+  let pixel = min(vec2u(in.clip.xy) - params.camera.viewport.xy, params.camera.viewport.zw - 1u);
+  return reflected(pixel, in.irradiance);
 }

@@ -1,20 +1,49 @@
-// From the number of segments to the arguments of the indirect draw and dispatch (src/sg_hull).
+// From what was counted to the arguments of the indirect draws and dispatches (src/sg_hull).
 //
-// @group(0) @binding(0) params, 1 counters
+// @group(0) @binding(0) params, 1 counters, 2 arguments of the dispatch, and a padding
 
 #import sg_hull
 #import dispatch
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> counters: Counters;
+@group(0) @binding(2) var<storage, read_write> dispatch: vec4u;
 
-// Four vertices of eight threads each in a workgroup of 64: as in wgsl/sg_hull_gather.wgsl.
-const SEGMENTS_A_WORKGROUP: u32 = 2u;
+fn groups_of(count: u32, size: u32) -> vec4u {
+  let groups = (count + size - 1u) / size;
+  return vec4u(min(groups, DISPATCH_ROW), (groups + DISPATCH_ROW - 1u) / DISPATCH_ROW, 1u, 0u);
+}
 
+// A thread a vertex.
 @compute @workgroup_size(1)
-fn plan() {
+fn plan_vertices() {
   let count = min(counters.segments, first_fallback(params)) + counters.fallbacks;
   counters.draw = vec4u(4u, count, 0u, 0u);
-  let groups = (count + SEGMENTS_A_WORKGROUP - 1u) / SEGMENTS_A_WORKGROUP;
-  counters.dispatch = vec4u(min(groups, DISPATCH_ROW), (groups + DISPATCH_ROW - 1u) / DISPATCH_ROW, 1u, 0u);
+  dispatch = groups_of(4u * count, 64u);
+}
+
+// A thread a vertex that light is gathered at.
+@compute @workgroup_size(1)
+fn plan_gather() {
+  dispatch = groups_of(counters.gathered, 64u);
+}
+
+// A thread a quad.
+@compute @workgroup_size(1)
+fn plan_judge() {
+  dispatch = groups_of(counters.draw.y, 64u);
+}
+
+// A workgroup a quad.
+@compute @workgroup_size(1)
+fn plan_list() {
+  dispatch = groups_of(counters.misfits, 1u);
+}
+
+// A thread, and a point, a pixel.
+@compute @workgroup_size(1)
+fn plan_pixels() {
+  let count = min(counters.exact_pixels, params.exact_room);
+  dispatch = groups_of(count, 64u);
+  counters.points = vec4u(count, 1u, 0u, 0u);
 }

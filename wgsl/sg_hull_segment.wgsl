@@ -15,13 +15,11 @@
 @group(0) @binding(3) var<storage, read_write> segments: array<Segment>;
 @group(0) @binding(4) var<storage, read_write> counters: AtomicCounters;
 
+// The first of Counters.
 struct AtomicCounters {
   segments: atomic<u32>,
   fallbacks: atomic<u32>,
   fallback_pixels: atomic<u32>,
-  padding: u32,
-  draw: vec4u,
-  dispatch: vec4u,
 }
 
 // Whether components are those of the four sweeps of algorithm 1, or exact ones.
@@ -42,12 +40,16 @@ const PICKED: u32 = 0x10000u;
 const RIGHT: u32 = 0x20000u;
 const BELOW: u32 = 0x40000u;
 const NONE: u32 = 0xffu;
+// Normals are summed as integers: the sum has no order.
+const NORMAL_ONE: f32 = 1048576.0;
 
 var<workgroup> labels: array<atomic<u32>, TEXELS>;
 var<workgroup> picks: array<u32, TEXELS>;
 // Least x, y and depth, largest x, y and depth.
 var<workgroup> boxes: array<atomic<u32>, 768>;
 var<workgroup> normals: array<atomic<i32>, 384>;
+// Texels whose mean normals are summed.
+var<workgroup> members: array<atomic<u32>, SLOTS>;
 var<workgroup> anchors: array<atomic<u32>, SLOTS>;
 // A bit a texel: whether its label stands for a component.
 var<workgroup> roots: array<atomic<u32>, 32>;
@@ -209,6 +211,7 @@ fn segment(@builtin(workgroup_id) tile_id: vec3u, @builtin(local_invocation_inde
     }
     if thread < SLOTS {
       atomicStore(&anchors[thread], 0xffffffffu);
+      atomicStore(&members[thread], 0u);
     }
     workgroupBarrier();
     for (var k = 0u; k < PER_THREAD; k++) {
@@ -377,6 +380,7 @@ fn segment(@builtin(workgroup_id) tile_id: vec3u, @builtin(local_invocation_inde
       var box_high = vec2u(0u);
       var nearest = MAX_F32;
       var farthest = -MAX_F32;
+      var normal = vec3f(0.0);
       var count = 0u;
       for (var y = low.y; y < high.y; y++) {
         for (var x = low.x; x < high.x; x++) {
@@ -393,13 +397,15 @@ fn segment(@builtin(workgroup_id) tile_id: vec3u, @builtin(local_invocation_inde
             box_high = max(box_high, vec2u(x, y) + 1u);
             nearest = min(nearest, depth);
             farthest = max(farthest, depth);
+            normal += unpack_normal(here.w);
           }
         }
       }
       atomicSub(&unassigned, count);
       add_to_box(own, box_low, box_high, nearest, farthest);
       // 1024 of them stay within 31 bits.
-      let n = vec3i(unpack_normal(picked_texel.w) * 1048576.0);
+      let n = vec3i(floor(normal / f32(count) * NORMAL_ONE + 0.5));
+      atomicAdd(&members[own], 1u);
       atomicAdd(&normals[own * 3u], n.x);
       atomicAdd(&normals[own * 3u + 1u], n.y);
       atomicAdd(&normals[own * 3u + 2u], n.z);
@@ -462,9 +468,11 @@ fn segment(@builtin(workgroup_id) tile_id: vec3u, @builtin(local_invocation_inde
         atomicLoad(&boxes[at + 4u]));
       let anchor = pick_of(tile, atomicLoad(&anchors[thread]) & 1023u);
       let n = vec3f(f32(atomicLoad(&normals[thread * 3u])), f32(atomicLoad(&normals[thread * 3u + 1u])),
-        f32(atomicLoad(&normals[thread * 3u + 2u])));
+        f32(atomicLoad(&normals[thread * 3u + 2u]))) / (NORMAL_ONE * f32(atomicLoad(&members[thread])));
+      // Two unit vectors an angle apart have a mean that is short by an eighth of its square; many, by half its mean square.
+      let spread = sqrt(2.0 * max(1.0 - length(n) - 1e-6, 0.0));
       segments[first_slot + thread] = Segment(rect, unordered(atomicLoad(&boxes[at + 2u])),
-        unordered(atomicLoad(&boxes[at + 5u])), anchor.y * width + anchor.x, pack_normal(normalize_or(n, unpack_normal(load(anchor).w))));
+        unordered(atomicLoad(&boxes[at + 5u])), anchor.y * width + anchor.x, pack_normal(normalize_or(n, unpack_normal(load(anchor).w))), spread);
     }
     if thread == 0u {
       rest = atomicLoad(&unassigned);

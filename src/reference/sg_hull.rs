@@ -17,6 +17,27 @@ const BELOW_HORIZON: f64 = 0.5;
 /// Pixels across below which a segment is a sliver.
 const NARROW: u32 = 4;
 
+/// Pixels of a rectangle up to which light is gathered at each of them.
+const TINY_AREA: u32 = 4;
+
+/// Radians below which a segment's normals are one.
+const FLAT_SPREAD: f32 = 0.003;
+
+/// Of a misfit in units of the dimmest corner, and what counts as dark, in mean irradiances.
+const RELATIVE_SHARE: f64 = 0.15;
+const DIMMEST: f64 = 0.02;
+
+/// Whether light is gathered at each pixel of a segment whatever the settings, and at none of its corners.
+pub fn is_tiny(segment: &HullSegment) -> bool {
+    let [left, top, right, bottom] = segment.rect;
+    (right - left) * (bottom - top) <= TINY_AREA
+}
+
+/// Whether irradiance itself is interpolated on a segment.
+pub fn is_flat(segment: &HullSegment) -> bool {
+    segment.spread < FLAT_SPREAD
+}
+
 /// Light that arrives at a point, gathered for a normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lobes {
@@ -144,8 +165,7 @@ impl Hull<'_> {
         let [width, height] = self.size();
         let [left, top, right, bottom] = segment.rect;
         let anchor = self.receivers[segment.anchor as usize]?;
-        let quarter = (self.settings.quad / 4).max(1);
-        if right - left <= quarter && bottom - top <= quarter {
+        if is_tiny(segment) {
             return Some((anchor.position, anchor.normal));
         }
         let edge = [
@@ -203,8 +223,36 @@ pub struct Corner {
     pub depth: f64,
 }
 
-/// Radiance that a white pixel reflects, from the corners of its segment's rectangle as a rasteriser interpolates them.
-pub fn shade(rect: [u32; 4], corners: &[Corner; 4], pixel: [u32; 2], normal: DVec3) -> DVec3 {
+impl Corner {
+    /// Irradiance of a surface with a normal, a colour channel each.
+    pub fn irradiance(&self, normal: DVec3) -> DVec3 {
+        (lobe_irradiance(&self.moments, normal) - self.excess).max(DVec3::ZERO)
+    }
+}
+
+/// How far the light of a quad that is neither tiny nor of last resort may be off, in units of the picture's mean irradiance.
+pub fn misfit(segment: &HullSegment, corners: &[Corner; 4], mean: f64) -> f64 {
+    let normal = unpack_normal(segment.normal);
+    let found = corners.map(|corner| corner.irradiance(normal).element_sum() / 3.0);
+    let least = found.iter().copied().fold(f64::INFINITY, f64::min);
+    let apart = found.iter().copied().fold(0.0, f64::max) - least;
+    let totals = corners
+        .iter()
+        .flat_map(|corner| corner.moments.map(|m| m.total));
+    let light = totals.sum::<f64>() / 12.0;
+    let scale = mean.max(1e-30);
+    let relative_to_least = RELATIVE_SHARE * apart / (least + DIMMEST * scale);
+    (apart.max(0.5 * f64::from(segment.spread) * light) / scale).max(relative_to_least)
+}
+
+/// Radiance that a white pixel of a quad that fits reflects, from its corners as a rasteriser interpolates them.
+pub fn shade(
+    segment: &HullSegment,
+    corners: &[Corner; 4],
+    pixel: [u32; 2],
+    normal: DVec3,
+) -> DVec3 {
+    let rect = segment.rect;
     let at = |i: usize| {
         (f64::from(pixel[i]) + 0.5 - f64::from(rect[i])) / f64::from(rect[i + 2] - rect[i])
     };
@@ -216,6 +264,11 @@ pub fn shade(rect: [u32; 4], corners: &[Corner; 4], pixel: [u32; 2], normal: DVe
     };
     let weights = [0, 1, 2, 3].map(|i| flat[i] / corners[i].depth);
     let total: f64 = weights.iter().sum();
+    if is_flat(segment) {
+        let normal = unpack_normal(segment.normal);
+        let terms = corners.iter().zip(weights);
+        return terms.map(|(c, w)| c.irradiance(normal) * w).sum::<DVec3>() / (total * PI);
+    }
     let mut moments = [DLightMoments::ZERO; 3];
     let mut excess = DVec3::ZERO;
     for (corner, weight) in corners.iter().zip(weights) {

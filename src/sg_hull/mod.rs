@@ -35,8 +35,10 @@ const LABEL: &str = "deep-screen-space hull";
 /// Segments what is seen, gathers light at the corners of the segments' rectangles and integrates it at every pixel.
 ///
 /// The cost of a [`Gatherer`] is paid at some thousand vertices whatever the resolution, and each pixel's own normal still
-/// shades it. Light has to vary little over 1/32 of the picture, and to be told by one lobe a colour channel; shadows
-/// finer than that, and glossy reflections, are not for it.
+/// shades it. Light has to vary little over a quad, and to be told by one lobe a colour channel where normals vary. Quads
+/// where it is not so are found ([`SgHullSettings::misfit`]), and light is gathered at each of their pixels: cost grows with
+/// fine shadows, thin things and relief, rather than error. What is lit from more than 30° below the plane of its quad's
+/// corners, and shows in none of them, is not found. Glossy reflections are not for it.
 ///
 /// Holds pipelines only, for one gatherer and one target format; one serves any number of views.
 #[derive(Debug)]
@@ -46,15 +48,26 @@ pub struct SgHull {
     bound: bool,
     segment_layout: BindGroupLayout,
     plan_layout: BindGroupLayout,
+    place_layout: BindGroupLayout,
     gather_layout: BindGroupLayout,
+    judge_layout: BindGroupLayout,
+    pixels_layout: BindGroupLayout,
     shade_layout: BindGroupLayout,
     exact_layout: BindGroupLayout,
+    points_layout: BindGroupLayout,
     receivers: ReceiversPass,
     segment: ComputePipeline,
-    plan: ComputePipeline,
+    plans: [ComputePipeline; 5],
+    place: ComputePipeline,
     gather: ComputePipeline,
+    mean: ComputePipeline,
+    judge: ComputePipeline,
+    list: ComputePipeline,
+    pixels: ComputePipeline,
     shade: RenderPipeline,
+    shade_flat: RenderPipeline,
     clear_sky: RenderPipeline,
+    points: RenderPipeline,
     exact: RenderPipeline,
 }
 
@@ -81,7 +94,15 @@ pub struct SgHullView {
     segment_of: Buffer,
     segments: Buffer,
     vertices: Buffer,
+    /// `Gathering`s: the vertices to gather at.
+    list: Buffer,
+    /// Quads that do not fit.
+    misfits: Buffer,
+    /// Their pixels.
+    exact: Buffer,
     counts: Buffer,
+    /// Arguments of one dispatch after another. A kernel cannot write the buffer that its own come from.
+    dispatch: Buffer,
 }
 
 impl SgHullView {
@@ -100,13 +121,13 @@ impl SgHullView {
         &self.segment_of
     }
 
-    /// The segments, [`HullSegment`]s of 32 bytes: first those counted as [`SgHullCounts::segments`], then, from
+    /// The segments, [`HullSegment`]s of 48 bytes: first those counted as [`SgHullCounts::segments`], then, from
     /// [`SgHullSize::segments`] on, those of last resort (usage `COPY_SRC`).
     pub fn segments(&self) -> &Buffer {
         &self.segments
     }
 
-    /// Four [`HullVertex`]es of 80 bytes a quad, without gaps (usage `COPY_SRC`).
+    /// Four [`HullVertex`]es of 96 bytes a quad, without gaps (usage `COPY_SRC`).
     pub fn vertices(&self) -> &Buffer {
         &self.vertices
     }
@@ -117,7 +138,11 @@ impl SgHullView {
             + self.segment_of.size()
             + self.segments.size()
             + self.vertices.size()
+            + self.list.size()
+            + self.misfits.size()
+            + self.exact.size()
             + self.counts.size()
+            + self.dispatch.size()
     }
 }
 
@@ -167,14 +192,33 @@ impl SgHull {
         };
         let list = |entries: &[(u32, BindingType)]| [&shared[..], entries].concat();
         let segment_layout = layout(compute, &list(&[(2, WRITE), (3, WRITE), (4, WRITE)]));
-        let plan_layout = layout(compute, &[(0, UNIFORM), (1, WRITE)]);
+        let plan_layout = layout(compute, &[(0, UNIFORM), (1, WRITE), (2, WRITE)]);
         let read = [(2, READ), (3, READ), (4, READ)];
-        let gather_layout = layout(compute, &[&list(&read)[..], &[(5, WRITE)]].concat());
+        let place_layout = layout(
+            compute,
+            &list(&[(2, READ), (3, READ), (4, WRITE), (5, WRITE), (6, WRITE)]),
+        );
+        let gather_layout = layout(compute, &[(0, UNIFORM), (1, READ), (2, READ), (3, WRITE)]);
+        let judge_layout = layout(
+            compute,
+            &[
+                (0, UNIFORM),
+                (2, READ),
+                (3, READ),
+                (4, WRITE),
+                (5, WRITE),
+                (6, READ),
+                (7, WRITE),
+                (8, WRITE),
+            ],
+        );
+        let pixels_layout = layout(compute, &list(&[(2, READ), (3, WRITE)]));
         let shade_layout = layout(
             drawing,
             &with_albedo([&list(&read)[..], &[(5, READ)]].concat()),
         );
         let exact_layout = layout(fragment, &with_albedo(shared.to_vec()));
+        let points_layout = layout(drawing, &with_albedo(vec![(0, UNIFORM), (4, READ)]));
 
         let module = |stage| -> Result<_, Error> {
             Ok(shader::create(
@@ -188,30 +232,27 @@ impl SgHull {
             .iter()
             .map(|(k, v)| (k.as_str(), *v))
             .collect();
-        let kernel = |stage, entry, layouts: &[&BindGroupLayout], constants: &[(&str, f64)]| {
-            Ok::<_, Error>(
-                Kernel {
-                    label: LABEL,
-                    module: &module(stage)?,
-                    entry,
-                    layouts,
-                    constants,
-                    cache,
-                }
-                .create(device),
-            )
+        let kernel = |module: &wgpu::ShaderModule,
+                      entry,
+                      layouts: &[&BindGroupLayout],
+                      constants: &[(&str, f64)]| {
+            Kernel {
+                label: LABEL,
+                module,
+                entry,
+                layouts,
+                constants,
+                cache,
+            }
+            .create(device)
         };
         let propagate = f64::from(u8::from(components == Components::Propagation));
-        let gather_layouts: Vec<_> = [&gather_layout]
-            .into_iter()
-            .chain(&gatherer.layout)
-            .collect();
-        let exact_layouts: Vec<_> = [&exact_layout]
-            .into_iter()
-            .chain(&gatherer.layout)
-            .collect();
+        let with_gatherer = |layout| -> Vec<&BindGroupLayout> {
+            [layout].into_iter().chain(&gatherer.layout).collect()
+        };
         let draw = |module: &wgpu::ShaderModule,
                     [vertex, fragment]: [&str; 2],
+                    topology,
                     layouts: &[&BindGroupLayout],
                     constants: &[(&str, f64)]| {
             screen::Drawing {
@@ -221,44 +262,99 @@ impl SgHull {
                 fragment,
                 layouts,
                 constants,
-                topology: wgpu::PrimitiveTopology::TriangleStrip,
+                topology,
                 target,
                 cache,
             }
             .create(device)
         };
         let shade_module = module(HullStage::Shade)?;
+        let plan_module = module(HullStage::Plan)?;
+        let judge_module = module(HullStage::Judge)?;
+        let exact_module = module(HullStage::Exact)?;
+        let (strip, list, points) = (
+            wgpu::PrimitiveTopology::TriangleStrip,
+            wgpu::PrimitiveTopology::TriangleList,
+            wgpu::PrimitiveTopology::PointList,
+        );
+        let judging = |entry| kernel(&judge_module, entry, &[&judge_layout], &[]);
         Ok(Self {
             target,
             albedo,
             bound: gatherer.layout.is_some(),
             receivers: ReceiversPass::new(device, cache)?,
             segment: kernel(
-                HullStage::Segment,
+                &module(HullStage::Segment)?,
                 "segment",
                 &[&segment_layout],
                 &[("PROPAGATE", propagate)],
-            )?,
-            plan: kernel(HullStage::Plan, "plan", &[&plan_layout], &[])?,
+            ),
+            plans: Plan::ALL.map(|plan| kernel(&plan_module, plan.entry(), &[&plan_layout], &[])),
+            place: kernel(
+                &module(HullStage::Place)?,
+                "place_vertices",
+                &[&place_layout],
+                &[],
+            ),
             gather: kernel(
-                HullStage::Gather,
+                &module(HullStage::Gather)?,
                 "gather_vertices",
-                &gather_layouts,
+                &with_gatherer(&gather_layout),
                 &constants,
-            )?,
-            shade: draw(&shade_module, ["corner", "shade"], &[&shade_layout], &[]),
-            clear_sky: draw(&shade_module, ["cover", "clear_sky"], &[&shade_layout], &[]),
+            ),
+            mean: judging("mean"),
+            judge: judging("judge"),
+            list: judging("list_pixels"),
+            pixels: kernel(
+                &exact_module,
+                "gather_pixels",
+                &with_gatherer(&pixels_layout),
+                &constants,
+            ),
+            shade: draw(
+                &shade_module,
+                ["corner", "shade"],
+                strip,
+                &[&shade_layout],
+                &[],
+            ),
+            shade_flat: draw(
+                &shade_module,
+                ["flat_corner", "shade_flat"],
+                strip,
+                &[&shade_layout],
+                &[],
+            ),
+            clear_sky: draw(
+                &shade_module,
+                ["cover", "clear_sky"],
+                list,
+                &[&shade_layout],
+                &[],
+            ),
+            points: draw(
+                &exact_module,
+                ["point", "draw_point"],
+                points,
+                &[&points_layout],
+                &[],
+            ),
             exact: draw(
-                &module(HullStage::Exact)?,
+                &exact_module,
                 ["cover", "exact"],
-                &exact_layouts,
+                list,
+                &with_gatherer(&exact_layout),
                 &constants,
             ),
             segment_layout,
             plan_layout,
+            place_layout,
             gather_layout,
+            judge_layout,
+            pixels_layout,
             shade_layout,
             exact_layout,
+            points_layout,
         })
     }
 
@@ -289,6 +385,18 @@ impl SgHull {
                 "deep-screen-space hull vertices",
                 4 * capacity * size_of::<HullVertex>() as u64,
                 none,
+            )?,
+            list: buffer("deep-screen-space hull list", 4 * capacity * 8, none)?,
+            misfits: buffer("deep-screen-space hull misfits", capacity * 4, none)?,
+            exact: buffer(
+                "deep-screen-space hull exact",
+                u64::from(size.exact) * 16,
+                none,
+            )?,
+            dispatch: buffer(
+                "deep-screen-space hull dispatch",
+                16,
+                BufferUsages::INDIRECT,
             )?,
             counts: buffer(
                 "deep-screen-space hull counts",
@@ -329,32 +437,75 @@ impl SgHull {
             device,
             LABEL,
             &self.plan_layout,
-            &[(0, whole(&params)), (1, whole(&hull.counts))],
+            &[
+                (0, whole(&params)),
+                (1, whole(&hull.counts)),
+                (2, whole(&hull.dispatch)),
+            ],
         );
         let vertices = [&buffers[..], &[(5, whole(&hull.vertices))]].concat();
-        let gather = group(&self.gather_layout, &vertices);
+        let place = group(
+            &self.place_layout,
+            &[&vertices[..], &[(6, whole(&hull.list))]].concat(),
+        );
+        let alone = |layout, entries: &[_]| binding::group(device, LABEL, layout, entries);
+        let gather = alone(
+            &self.gather_layout,
+            &[
+                (0, whole(&params)),
+                (1, whole(&hull.counts)),
+                (2, whole(&hull.list)),
+                (3, whole(&hull.vertices)),
+            ],
+        );
+        let listed = [
+            (6, whole(&hull.list)),
+            (7, whole(&hull.misfits)),
+            (8, whole(&hull.exact)),
+        ];
+        let judge = alone(
+            &self.judge_layout,
+            &[&[(0, whole(&params))], &vertices[..], &listed].concat(),
+        );
+        let pixels = group(
+            &self.pixels_layout,
+            &[(2, whole(&hull.counts)), (3, whole(&hull.exact))],
+        );
         let [columns, rows] = hull.size.tiles();
         let mut pass = first_pass(encoder, LABEL, input.timestamps);
         pass.set_pipeline(&self.segment);
         pass.set_bind_group(0, &segment, &[]);
         pass.dispatch_workgroups(columns, rows, 1);
-        pass.set_pipeline(&self.plan);
-        pass.set_bind_group(0, &plan, &[]);
-        pass.dispatch_workgroups(1, 1, 1);
-        pass.set_pipeline(&self.gather);
-        pass.set_bind_group(0, &gather, &[]);
-        if let Some(group) = input.gather {
-            pass.set_bind_group(1, group, &[]);
+        for (next, kernel, group) in [
+            (Plan::Vertices, &self.place, &place),
+            (Plan::Gather, &self.gather, &gather),
+            (Plan::Judge, &self.judge, &judge),
+            (Plan::List, &self.list, &judge),
+            (Plan::Pixels, &self.pixels, &pixels),
+        ] {
+            if matches!(next, Plan::Judge) {
+                pass.set_pipeline(&self.mean);
+                pass.set_bind_group(0, &judge, &[]);
+                pass.dispatch_workgroups(1, 1, 1);
+            }
+            pass.set_pipeline(&self.plans[next as usize]);
+            pass.set_bind_group(0, &plan, &[]);
+            pass.dispatch_workgroups(1, 1, 1);
+            pass.set_pipeline(kernel);
+            pass.set_bind_group(0, group, &[]);
+            if let Some(lights) = input.gather {
+                pass.set_bind_group(1, lights, &[]);
+            }
+            pass.dispatch_workgroups_indirect(&hull.dispatch, 0);
         }
-        pass.dispatch_workgroups_indirect(
-            &hull.counts,
-            std::mem::offset_of!(SgHullCounts, dispatch) as u64,
-        );
         drop(pass);
 
         let mut resources = vertices;
         resources.extend(self.albedo_of(input).map(|albedo| (6, view(albedo))));
         let shade = group(&self.shade_layout, &resources);
+        let mut resources = vec![(0, whole(&params)), (4, whole(&hull.exact))];
+        resources.extend(self.albedo_of(input).map(|albedo| (6, view(albedo))));
+        let points = alone(&self.points_layout, &resources);
         let mut pass = screen::begin(
             encoder,
             LABEL,
@@ -366,10 +517,18 @@ impl SgHull {
         pass.set_bind_group(0, &shade, &[]);
         pass.set_pipeline(&self.clear_sky);
         pass.draw(0..3, 0..1);
-        pass.set_pipeline(&self.shade);
+        for pipeline in [&self.shade, &self.shade_flat] {
+            pass.set_pipeline(pipeline);
+            pass.draw_indirect(
+                &hull.counts,
+                std::mem::offset_of!(SgHullCounts, draw) as u64,
+            );
+        }
+        pass.set_bind_group(0, &points, &[]);
+        pass.set_pipeline(&self.points);
         pass.draw_indirect(
             &hull.counts,
-            std::mem::offset_of!(SgHullCounts, draw) as u64,
+            std::mem::offset_of!(SgHullCounts, points) as u64,
         );
         Ok(())
     }
@@ -485,12 +644,44 @@ impl SgHull {
     }
 }
 
+/// The kernels of `wgsl/sg_hull_plan.wgsl`, by what they plan.
+#[derive(Clone, Copy, Debug)]
+enum Plan {
+    Vertices,
+    Gather,
+    Judge,
+    List,
+    Pixels,
+}
+
+impl Plan {
+    const ALL: [Self; 5] = [
+        Self::Vertices,
+        Self::Gather,
+        Self::Judge,
+        Self::List,
+        Self::Pixels,
+    ];
+
+    fn entry(self) -> &'static str {
+        match self {
+            Self::Vertices => "plan_vertices",
+            Self::Gather => "plan_gather",
+            Self::Judge => "plan_judge",
+            Self::List => "plan_list",
+            Self::Pixels => "plan_pixels",
+        }
+    }
+}
+
 /// The modules that a hull is made of.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum HullStage {
     Segment,
     Plan,
+    Place,
     Gather,
+    Judge,
     Shade,
     Exact,
 }
@@ -503,6 +694,14 @@ pub(crate) fn source(gatherer: &str, stage: HullStage, albedo: bool) -> Result<S
             include_str!("../../wgsl/sg_hull_segment.wgsl"),
         ),
         HullStage::Plan => ("sg_hull_plan", include_str!("../../wgsl/sg_hull_plan.wgsl")),
+        HullStage::Place => (
+            "sg_hull_place",
+            include_str!("../../wgsl/sg_hull_place.wgsl"),
+        ),
+        HullStage::Judge => (
+            "sg_hull_judge",
+            include_str!("../../wgsl/sg_hull_judge.wgsl"),
+        ),
         HullStage::Gather => (
             "sg_hull_gather",
             include_str!("../../wgsl/sg_hull_gather.wgsl"),

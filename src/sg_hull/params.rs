@@ -15,7 +15,8 @@ pub struct SgHullParams {
     pub(crate) grid: [u32; 2],
     pub(crate) tiles: [u32; 2],
     pub(crate) step: [u32; 2],
-    pub(crate) padding: [u32; 2],
+    pub(crate) exact_room: u32,
+    pub(crate) misfit: f32,
     pub(crate) plane_distance: f32,
     pub(crate) gap: f32,
     pub(crate) normal_cosine: f32,
@@ -38,7 +39,8 @@ impl SgHullParams {
             grid: size.texels(),
             tiles: size.tiles(),
             step: size.step(),
-            padding: [0; 2],
+            exact_room: size.exact,
+            misfit: settings.misfit.min(f32::MAX),
             plane_distance: settings.plane_distance,
             gap: settings.gap,
             normal_cosine: cosine,
@@ -61,6 +63,10 @@ pub struct HullSegment {
     pub anchor: u32,
     /// The mean normal, octahedral in two snorm16.
     pub normal: u32,
+    /// How far normals lie off it, root mean square, radians.
+    pub spread: f32,
+    /// 0.
+    pub padding: [u32; 3],
 }
 
 /// `HullVertex`: light that arrives at a corner of a segment's rectangle.
@@ -80,13 +86,18 @@ pub struct HullVertex {
     /// What the lobe of each channel adds to the irradiance of a surface with the vertex's normal that is not there.
     pub excess: [f32; 3],
     /// The vertex that the light was gathered at: this one, or one at the same corner of a neighbour on the same surface,
-    /// or the first of a small segment. Moments and excess are 0 where it is another.
+    /// or the first of a segment of four pixels or fewer, which has no light either: that is gathered at the pixels. Moments
+    /// and excess are 0 where it is another.
     pub owner: u32,
+    /// What a surface with the segment's mean normal receives at the corner, whoever owns it, W/m².
+    pub irradiance: [f32; 3],
+    /// 0.
+    pub padding: u32,
 }
 
 /// What a recording counted. The GPU writes it; the caller reads it when it likes.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct SgHullCounts {
     /// Segments asked for.
     pub segments: u32,
@@ -94,12 +105,20 @@ pub struct SgHullCounts {
     pub fallbacks: u32,
     /// Pixels in those.
     pub fallback_pixels: u32,
+    /// Vertices that light was gathered at.
+    pub gathered: u32,
+    /// Arguments of the draw of quads: 4, quads, 0, 0.
+    pub draw: [u32; 4],
+    /// Quads whose misfit reaches [`SgHullSettings::misfit`](crate::SgHullSettings::misfit), and those of last resort.
+    pub misfits: u32,
+    /// Their pixels, whose light is gathered at each of them.
+    pub exact_pixels: u32,
+    /// The mean irradiance at the vertices, over colour channels as well, W/m².
+    pub mean_irradiance: f32,
     /// 0.
     pub padding: u32,
-    /// Arguments of the indirect draw: 4, quads, 0, 0.
-    pub draw: [u32; 4],
-    /// Arguments of the indirect dispatch.
-    pub dispatch: [u32; 4],
+    /// Arguments of the draw of those pixels that found room: their number, 1, 0, 0.
+    pub points: [u32; 4],
 }
 
 impl SgHullCounts {
@@ -111,6 +130,11 @@ impl SgHullCounts {
     /// Quads drawn.
     pub fn quads(&self) -> u32 {
         self.draw[1]
+    }
+
+    /// Pixels that were to be gathered each for itself and found no room: the hull shades them.
+    pub fn exact_overflow(&self, size: &SgHullSize) -> u32 {
+        self.exact_pixels.saturating_sub(size.exact)
     }
 
     /// Corners of the quads. Light is gathered at fewer points, as neighbours share theirs ([`HullVertex::owner`]).

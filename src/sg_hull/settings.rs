@@ -26,12 +26,17 @@ pub struct SgHullSize {
     /// them. The paper has 1024; half of it takes half the time or less, since what a texel stands for is still looked at
     /// pixel by pixel. Default 512.
     pub grid: u32,
-    /// Segments that there is room for besides one a tile, up to 2^20. With the default quads a picture is 16384 of them, and as many again with fine
-    /// geometry.
-    /// 352 bytes each. What finds no room goes, with the rest of its tile, to one segment, and is counted
+    /// Segments that there is room for besides one a tile, up to 2^20. With the default quads a picture is 16384 of them,
+    /// and as many again with fine geometry. 468 bytes each. What finds no room goes, with the rest of its tile, to one segment, and is counted
     /// ([`SgHullCounts`](crate::SgHullCounts)). Default 65536.
     pub segments: u32,
+    /// Pixels that there is room for whose light is gathered at each of them ([`SgHullSettings::misfit`]), 1…2^23, 16 bytes
+    /// each. The hull shades those that find none, and they are counted. Default: all, as far as the range goes.
+    pub exact: u32,
 }
+
+/// Largest room for pixels: a binding of 128 MiB.
+const MAX_EXACT: u32 = 1 << 23;
 
 /// Side of a tile in texels.
 pub(crate) const TILE: u32 = 32;
@@ -44,6 +49,11 @@ impl SgHullSize {
             height,
             grid: 512,
             segments: 65536,
+            exact: match width.saturating_mul(height) {
+                0 => 1,
+                pixels if pixels > MAX_EXACT => MAX_EXACT,
+                pixels => pixels,
+            },
         }
     }
 
@@ -72,6 +82,12 @@ impl SgHullSize {
             "SgHullSize::segments",
             self.segments,
             "0 to 2^20",
+        )?;
+        check_setting(
+            (1..=MAX_EXACT).contains(&self.exact),
+            "SgHullSize::exact",
+            self.exact,
+            "1 to 2^23",
         )
     }
 
@@ -117,6 +133,11 @@ pub struct SgHullSettings {
     /// The angle between neighbours' normals up to which they are one surface, radians, 0…π. Corners of rooms are cut
     /// where they are sharper: on either side light comes from another hemisphere. Default 0.25.
     pub normal_angle: f32,
+    /// How far a quad's light may be off before it is gathered at each of its pixels, in mean irradiances of the picture, 0
+    /// or more. It is judged by how far the corners' irradiances lie apart, asked for one normal, and by how far the quad's
+    /// normals do. At 0 all pixels are: the picture is the truth, as slow as the truth. Infinite: only quads of last
+    /// resort are. Default 0.3.
+    pub misfit: f32,
 }
 
 impl Default for SgHullSettings {
@@ -126,6 +147,7 @@ impl Default for SgHullSettings {
             plane_distance: 0.004,
             gap: 0.1,
             normal_angle: 0.25,
+            misfit: 0.3,
         }
     }
 }
@@ -158,6 +180,12 @@ impl SgHullSettings {
             "SgHullSettings::normal_angle",
             self.normal_angle,
             "0 to pi",
+        )?;
+        check_setting(
+            self.misfit >= 0.0,
+            "SgHullSettings::misfit",
+            self.misfit,
+            "0 or more",
         )
     }
 }

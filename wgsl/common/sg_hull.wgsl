@@ -16,7 +16,10 @@ struct Params {
   tiles: vec2u,
   // Pixels a texel, times 2^16, rounded up.
   step: vec2u,
-  padding: vec2u,
+  // Pixels that there is room for to be gathered each for itself.
+  exact_room: u32,
+  // From which misfit on, in the picture's mean irradiances, a quad's pixels are.
+  misfit: f32,
   // When neighbours are one surface: in widths of the view at their distance, and as a cosine.
   plane_distance: f32,
   gap: f32,
@@ -36,6 +39,8 @@ struct Segment {
   anchor: u32,
   // The mean normal, packed.
   normal: u32,
+  // How far normals lie off it, root mean square, radians.
+  spread: f32,
 }
 
 struct Counters {
@@ -44,16 +49,34 @@ struct Counters {
   // Of the last resort, one a tile at most.
   fallbacks: u32,
   fallback_pixels: u32,
-  padding: u32,
+  // Vertices that light is gathered at.
+  gathered: u32,
   // Arguments of an indirect draw: vertices, instances, first vertex, first instance.
   draw: vec4u,
-  // Arguments of an indirect dispatch, and a padding.
-  dispatch: vec4u,
+  // Quads whose pixels are gathered each for itself.
+  misfits: u32,
+  // Those pixels, room or not.
+  exact_pixels: u32,
+  // Of what arrives at the vertices, over colour channels as well.
+  mean_irradiance: f32,
+  padding: u32,
+  // Arguments of the draw of those pixels, as points.
+  points: vec4u,
+}
+
+// A vertex that light is gathered at, and the normal that it is gathered for, packed.
+struct Gathering {
+  vertex: u32,
+  normal: u32,
 }
 
 // In place of a segment.
 const SKY_PIXEL: u32 = 0xffffffffu;
 const UNASSIGNED: u32 = 0xfffffffeu;
+// Pixels of a rectangle up to which light is gathered at each of them.
+const TINY_AREA: u32 = 4u;
+// Radians, a little above what packing does to a normal.
+const FLAT_SPREAD: f32 = 0.003;
 
 // Every tile has a segment of last resort: those lie behind the others.
 fn first_fallback(params: Params) -> u32 {
@@ -65,6 +88,17 @@ fn segment_slot(params: Params, counted: u32, i: u32) -> u32 {
   let limit = first_fallback(params);
   let regular = min(counted, limit);
   return select(limit + (i - regular), i, i < regular);
+}
+
+// As many corners as pixels, or nearly: gathering at the pixels costs no more, and is exact. Most of what is thin is such.
+fn is_tiny(segment: Segment) -> bool {
+  let size = segment.rect.zw - segment.rect.xy;
+  return size.x * size.y <= TINY_AREA;
+}
+
+// Whether a segment's pixels have one normal: irradiance itself is interpolated then.
+fn is_flat(segment: Segment) -> bool {
+  return segment.spread < FLAT_SPREAD;
 }
 
 // Side of the view at a point relative to the camera's eye.

@@ -1,0 +1,126 @@
+// Quads that do not fit what they stand for, and their pixels, whose light is gathered for each of them (src/sg_hull).
+//
+// A quad does not fit where its corners disagree about the light on the segment, as beside a source or at the edge of one,
+// where its normals lie so far off each other that one lobe is not enough, where it is of last resort, and where it is tiny.
+//
+// @group(0) @binding(0) params, 2 the segment of each pixel, 3 segments, 4 counters, 5 vertices, 6 the list of vertices, 7
+// that of quads, 8 that of pixels
+
+#import sg_hull
+#import dispatch
+#import spherical_gaussian
+#import sg_hull_vertex
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(2) var<storage, read> segment_of: array<u32>;
+@group(0) @binding(3) var<storage, read> segments: array<Segment>;
+@group(0) @binding(4) var<storage, read_write> counters: JudgeCounters;
+@group(0) @binding(5) var<storage, read_write> vertices: array<HullVertex>;
+@group(0) @binding(6) var<storage, read> list: array<Gathering>;
+@group(0) @binding(7) var<storage, read_write> misfits: array<u32>;
+// The light, and the pixel's number.
+@group(0) @binding(8) var<storage, read_write> exact: array<vec4u>;
+
+// The first of Counters.
+struct JudgeCounters {
+  segments: u32,
+  fallbacks: u32,
+  fallback_pixels: u32,
+  gathered: u32,
+  draw: vec4u,
+  misfits: atomic<u32>,
+  exact_pixels: atomic<u32>,
+  mean_irradiance: f32,
+}
+
+// Of a misfit in units of the dimmest corner, and what counts as dark, in mean irradiances.
+const RELATIVE_SHARE: f32 = 0.15;
+const DIMMEST: f32 = 0.02;
+
+var<workgroup> sums: array<f32, 256>;
+
+fn average(color: vec3f) -> f32 {
+  return (color.x + color.y + color.z) / 3.0;
+}
+
+@compute @workgroup_size(256)
+fn mean(@builtin(local_invocation_index) thread: u32) {
+  var sum = 0.0;
+  let count = counters.gathered;
+  for (var k = thread; k < count; k += 256u) {
+    // Divided first: the sum of what is bright leaves the range.
+    sum += average(vertices[list[k].vertex].irradiance) / f32(count);
+  }
+  sums[thread] = sum;
+  workgroupBarrier();
+  for (var stride = 128u; stride > 0u; stride /= 2u) {
+    if thread < stride {
+      sums[thread] += sums[thread + stride];
+    }
+    workgroupBarrier();
+  }
+  if thread == 0u {
+    counters.mean_irradiance = sums[0];
+  }
+}
+
+// How far a quad's light may be off, in mean irradiances: how far its corners lie apart, each asked for a surface with the
+// segment's normal, which is kept; a share of that in units of the dimmest corner, since what is twice as bright as it
+// should be is seen in the dark as well; and half of what normals as far apart as the segment's change where all light
+// comes from aside.
+fn misfit_of(segment: Segment, i: u32) -> f32 {
+  let n = unpack_normal(segment.normal);
+  var least = MAX_F32;
+  var most = 0.0;
+  var light = 0.0;
+  for (var corner = 0u; corner < 4u; corner++) {
+    let vertex = vertices[vertices[i * 4u + corner].owner];
+    let irradiance = vec3f(lobe_irradiance(vertex.red, vertex.excess.x, n),
+      lobe_irradiance(vertex.green, vertex.excess.y, n), lobe_irradiance(vertex.blue, vertex.excess.z, n));
+    vertices[i * 4u + corner].irradiance = irradiance;
+    let found = average(irradiance);
+    least = min(least, found);
+    most = max(most, found);
+    light += 0.25 * average(vec3f(vertex.red.w, vertex.green.w, vertex.blue.w));
+  }
+  let scale = max(counters.mean_irradiance, 1e-30);
+  let apart = most - least;
+  let relative_to_least = RELATIVE_SHARE * apart / (least + DIMMEST * scale);
+  return max(max(apart, 0.5 * segment.spread * light) / scale, relative_to_least);
+}
+
+@compute @workgroup_size(64)
+fn judge(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) thread: u32) {
+  let i = linear_workgroup(workgroup) * 64u + thread;
+  if i >= counters.draw.y {
+    return;
+  }
+  let slot = segment_slot(params, counters.segments, i);
+  let segment = segments[slot];
+  // No number is no fit.
+  let fits = misfit_of(segment, i) < params.misfit;
+  if !fits || slot >= first_fallback(params) || is_tiny(segment) {
+    misfits[atomicAdd(&counters.misfits, 1u)] = slot;
+  }
+}
+
+@compute @workgroup_size(64)
+fn list_pixels(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) thread: u32) {
+  let k = linear_workgroup(workgroup);
+  let count = atomicLoad(&counters.misfits);
+  if k >= count {
+    return;
+  }
+  let slot = misfits[k];
+  let segment = segments[slot];
+  let size = segment.rect.zw - segment.rect.xy;
+  for (var j = thread; j < size.x * size.y; j += 64u) {
+    let pixel = (segment.rect.y + j / size.x) * params.camera.viewport.z + segment.rect.x + j % size.x;
+    if segment_of[pixel] == slot {
+      let at = atomicAdd(&counters.exact_pixels, 1u);
+      if at < params.exact_room {
+        exact[at] = vec4u(0u, 0u, 0u, pixel);
+      }
+    }
+  }
+}
