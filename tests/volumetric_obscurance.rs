@@ -919,7 +919,7 @@ fn list_of(gpu: &Gpu, shot: &Shot, case: &Case) {
             normals: None,
             camera: &shot.camera,
             moments: moments.as_ref(),
-            work: Some(&work),
+            work: Some(work),
             target: &texture.create_view(&wgpu::TextureViewDescriptor::default()),
             timestamps: None,
         };

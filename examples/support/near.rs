@@ -397,7 +397,7 @@ impl Passes {
                     normals: Some(gbuffer.normals()),
                     camera: &stage.camera,
                     moments: None,
-                    work: work.as_ref(),
+                    work,
                     target,
                     timestamps: None,
                 };

@@ -76,7 +76,7 @@ pub struct ObscuranceInput<'a> {
     /// The depth's moments, recorded for this frame; area samples alone read them, and need them.
     pub moments: Option<&'a DepthMoments>,
     /// The pixels to compute; all, if left out.
-    pub work: Option<&'a WorkList<'a>>,
+    pub work: Option<WorkList<'a>>,
     /// Where to write the open share, 0…1 with 1 for open, sky among it: `R32Float`, usage `STORAGE_BINDING`, at least of the
     /// viewport's size (that of the work list's level), from the corner. Pixels that are not computed stay.
     pub target: &'a TextureView,
@@ -217,7 +217,7 @@ impl VolumetricObscurance {
         };
         let level = check_work(
             "ObscuranceInput::target",
-            input.work,
+            input.work.as_ref(),
             viewport,
             input.target,
             TARGET,
@@ -238,7 +238,7 @@ impl VolumetricObscurance {
             device,
             encoder,
             resources,
-            input.work,
+            input.work.as_ref(),
             viewport,
             input.timestamps,
         );
