@@ -46,6 +46,13 @@ pub fn hemisphere_lobe(moments: &DLightMoments) -> DSphericalGaussian {
     }
 }
 
+/// Fresnel's factor of a lobe of light that reaches the eye.
+fn lobe_fresnel(lobe: &Lobe, f0: f64, direction: DVec3, sharpness: f64) -> f64 {
+    let spread = (0.5 / (lobe.view.z * sharpness).max(1e-30)).min(lobe.alpha * lobe.alpha);
+    let at_axis = lobe.schlick(DVec3::splat(f0), lobe.facet_of(direction)).x;
+    f0 + (at_axis - f0) / (1.0 + 15.0 * spread.powf(0.75))
+}
+
 /// Radiance that one colour channel reflects.
 fn glossy_channel(
     lobe: &Lobe,
@@ -57,7 +64,7 @@ fn glossy_channel(
     let product = mirrored.product(&light);
     let direction = lobe.frame.transpose() * product.axis;
     let masked = lobe.masking() * lobe.share(direction);
-    let fresnel = lobe.schlick(DVec3::splat(f0), lobe.facet_of(direction)).x;
+    let fresnel = lobe_fresnel(lobe, f0, direction, product.sharpness);
     let share = mirrored.sharpness / (2.0 * PI) * integral(product.sharpness);
     product.amplitude * share * masked * fresnel
 }

@@ -33,6 +33,15 @@ fn hemisphere_lobe(moments: LightMoments) -> Scaled {
   return Scaled(lobe, max(moments.w, 0.0) / solid_angle);
 }
 
+// Fresnel's factor of a lobe of light that reaches the eye. Seen at a grazing angle the facets of a wide lobe are steep, and
+// its axis is the most grazing of all: there the mean over GGX's visible facets is less by this, within a third.
+fn lobe_fresnel(lobe: Lobe, f0: f32, direction: vec3f, sharpness: f32) -> f32 {
+  // The square of the alpha that a lobe of this sharpness belongs to.
+  let spread = min(0.5 / max(lobe.view.z * sharpness, 1e-30), lobe.alpha * lobe.alpha);
+  let at_axis = schlick(vec3f(f0), lobe, facet_of(lobe, direction)).x;
+  return f0 + (at_axis - f0) / (1.0 + 15.0 * sqrt(spread * sqrt(spread)));
+}
+
 // Radiance that one colour channel reflects. What varies slowly is taken at the axis of the product: Fresnel's factor, and
 // masking and shadowing with the cosine, 0 where the axis is below the horizon.
 fn glossy_channel(lobe: Lobe, mirrored: SphericalGaussian, f0: f32, moments: LightMoments) -> f32 {
@@ -40,7 +49,7 @@ fn glossy_channel(lobe: Lobe, mirrored: SphericalGaussian, f0: f32, moments: Lig
   let product = sg_product(mirrored, light.lobe);
   let direction = product.lobe.axis * lobe.frame;
   let masked = masking(lobe) * glossy_share(lobe, direction);
-  let fresnel = schlick(vec3f(f0), lobe, facet_of(lobe, direction)).x;
+  let fresnel = lobe_fresnel(lobe, f0, direction, product.lobe.sharpness);
   // D / (4 <n, v>) at the mirrored view is the sharpness over 2 pi.
   let share = mirrored.sharpness / (2.0 * PI) * sg_integral(product.lobe.sharpness);
   return light.amplitude * product.amplitude * share * masked * fresnel;
