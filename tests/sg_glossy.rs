@@ -309,8 +309,8 @@ fn pixels_are_those_of_the_mirror() {
                 gloss += glossy.element_sum() / (3 * receivers.len()) as f64;
                 let found = recorded.pixels[i];
                 // At grazing angles positions of f32 move a lobe of roughness 0.1 by 1e-3 of its peak, and a rasteriser's
-                // weights those of a quad by some 4e-3; the dark counts as a share of the picture.
-                let slack = 5e-3 * expected.length() + 3e-4 * mean.length();
+                // weights are as far off; the dark counts as a share of the picture.
+                let slack = 3e-3 * expected.length() + 3e-4 * mean.length();
                 if found.is_nan() || found.distance(expected) > slack {
                     off += 1;
                     if off < 4 {
@@ -596,9 +596,14 @@ fn how_far_it_is_off_ggx() {
         Source::Patch(60.0),
         Source::Patch(180.0),
     ];
-    // By source: largest root mean square error at roughness 0.1, 0.3, 0.6 and 1, and how much light may be missing or too
-    // much. What is measured, and a tenth.
-    let bars = [[9.0; 4]; 5];
+    // What is measured, and a tenth, by source and roughness.
+    let bars = [
+        [0.085, 0.12, 0.32, 0.34],
+        [0.26, 0.33, 0.73, 0.27],
+        [0.56, 0.53, 0.51, 0.36],
+        [0.39, 0.40, 0.34, 0.40],
+        [0.018, 0.10, 0.24, 0.72],
+    ];
     for (source, bars) in sources.iter().zip(bars) {
         for (value, bar) in [0.1, 0.3, 0.6, 1.0].into_iter().zip(bars) {
             let (mut squares, mut right, mut sum, mut total) = (0.0, 0.0, 0.0, 0.0);

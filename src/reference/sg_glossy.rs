@@ -46,11 +46,12 @@ pub fn hemisphere_lobe(moments: &DLightMoments) -> DSphericalGaussian {
     }
 }
 
-/// Fresnel's factor of a lobe of light that reaches the eye.
-fn lobe_fresnel(lobe: &Lobe, f0: f64, direction: DVec3, sharpness: f64) -> f64 {
-    let spread = (0.5 / (lobe.view.z * sharpness).max(1e-30)).min(lobe.alpha * lobe.alpha);
-    let at_axis = lobe.schlick(DVec3::splat(f0), lobe.facet_of(direction)).x;
-    f0 + (at_axis - f0) / (1.0 + 15.0 * spread.powf(0.75))
+/// Fresnel's factor of light about a direction, `passed` being the sharpness of the mirrored lobe over that of the product.
+fn lobe_fresnel(lobe: &Lobe, f0: f64, direction: DVec3, passed: f64) -> f64 {
+    let facet = lobe.facet_of(direction);
+    let at_axis = lobe.schlick(DVec3::splat(f0), facet).x;
+    let wide = lobe.alpha * passed * passed.sqrt();
+    f0 + (at_axis - f0) / (1.0 + 8.0 * wide * wide.sqrt())
 }
 
 /// Radiance that one colour channel reflects.
@@ -64,7 +65,8 @@ fn glossy_channel(
     let product = mirrored.product(&light);
     let direction = lobe.frame.transpose() * product.axis;
     let masked = lobe.masking() * lobe.share(direction);
-    let fresnel = lobe_fresnel(lobe, f0, direction, product.sharpness);
+    let passed = (mirrored.sharpness / product.sharpness.max(1e-30)).min(1.0);
+    let fresnel = lobe_fresnel(lobe, f0, direction, passed);
     let share = mirrored.sharpness / (2.0 * PI) * integral(product.sharpness);
     product.amplitude * share * masked * fresnel
 }

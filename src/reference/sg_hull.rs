@@ -257,7 +257,8 @@ fn weights(segment: &HullSegment, corners: &[Corner; 4], pixel: [u32; 2]) -> [f6
     } else {
         [0.0, 1.0 - v, 1.0 - u, u + v - 1.0]
     };
-    let weights = [0, 1, 2, 3].map(|i| flat[i] / corners[i].depth);
+    let farthest = f64::from(segment.farthest).max(1e-30);
+    let weights = [0, 1, 2, 3].map(|i| flat[i] / (corners[i].depth / farthest).clamp(1e-6, 1.0));
     let total: f64 = weights.iter().sum();
     weights.map(|w| w / total)
 }

@@ -33,13 +33,13 @@ fn hemisphere_lobe(moments: LightMoments) -> Scaled {
   return Scaled(lobe, max(moments.w, 0.0) / solid_angle);
 }
 
-// Fresnel's factor of a lobe of light that reaches the eye. Seen at a grazing angle the facets of a wide lobe are steep, and
-// its axis is the most grazing of all: there the mean over GGX's visible facets is less by this, within a third.
-fn lobe_fresnel(lobe: Lobe, f0: f32, direction: vec3f, sharpness: f32) -> f32 {
-  // The square of the alpha that a lobe of this sharpness belongs to.
-  let spread = min(0.5 / max(lobe.view.z * sharpness, 1e-30), lobe.alpha * lobe.alpha);
+// Fresnel's factor of light about a direction, `passed` being the sharpness of the mirrored lobe over that of the product: 1
+// where light is wide, 0 where it is narrow and its facet known. Seen at a grazing angle most facets of a wide lobe are
+// steeper than that of its axis, and reflect less. Fitted to the mean over GGX's visible facets.
+fn lobe_fresnel(lobe: Lobe, f0: f32, direction: vec3f, passed: f32) -> f32 {
   let at_axis = schlick(vec3f(f0), lobe, facet_of(lobe, direction)).x;
-  return f0 + (at_axis - f0) / (1.0 + 15.0 * sqrt(spread * sqrt(spread)));
+  let wide = lobe.alpha * passed * sqrt(passed);
+  return f0 + (at_axis - f0) / (1.0 + 8.0 * wide * sqrt(wide));
 }
 
 // Radiance that one colour channel reflects. What varies slowly is taken at the axis of the product: Fresnel's factor, and
@@ -49,7 +49,8 @@ fn glossy_channel(lobe: Lobe, mirrored: SphericalGaussian, f0: f32, moments: Lig
   let product = sg_product(mirrored, light.lobe);
   let direction = product.lobe.axis * lobe.frame;
   let masked = masking(lobe) * glossy_share(lobe, direction);
-  let fresnel = lobe_fresnel(lobe, f0, direction, product.lobe.sharpness);
+  let passed = min(mirrored.sharpness / max(product.lobe.sharpness, 1e-30), 1.0);
+  let fresnel = lobe_fresnel(lobe, f0, direction, passed);
   // D / (4 <n, v>) at the mirrored view is the sharpness over 2 pi.
   let share = mirrored.sharpness / (2.0 * PI) * sg_integral(product.lobe.sharpness);
   return light.amplitude * product.amplitude * share * masked * fresnel;
