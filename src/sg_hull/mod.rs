@@ -45,11 +45,24 @@ const LABEL: &str = "deep-screen-space hull";
 /// With [`SgHullDescriptor::glossy`] a pixel reflects a second, narrow lobe besides: that of a Trowbridge-Reitz (GGX) surface
 /// of the pixel's roughness, as a spherical Gaussian about the mirrored view (Wang et al., *All-Frequency Rendering of
 /// Dynamic, Spatially-Varying Reflectance*, 2009), times the light's lobe. Masking, shadowing, the cosine and Fresnel's factor
-/// are those of the product's axis. It shows where light comes from, not what sends it: a mirror shows one
-/// soft spot a channel however many lights there are, and no outline of any. Of a single small light it is off by the
-/// Gaussian alone, which has not GGX's tails.
+/// are those of the product's axis; Fresnel's is less where both lobes are wide. The light is taken to come from a hemisphere,
+/// so that even light is not shown brighter than it is. It is one lobe a channel: a mirror shows one soft spot however many
+/// lights there are, and no outline of any.
 ///
-/// GLOSSY_FIGURES
+/// Against GGX integrated over the same light, root mean square of the right values, reflectance 0.04, seen from 0°, 30°, 60°
+/// and 80°, the light's middle up to 50° off the mirrored view (`cargo test --test sg_glossy off_ggx -- --nocapture`):
+///
+/// | Light | Roughness 0.1 | 0.3 | 0.6 | 1 |
+/// |---|---|---|---|---|
+/// | a lobe itself, of sharpness 8 | 8 % | 11 % | 29 % | 30 % |
+/// | even, 10° to either side | 23 % | 30 % | 66 % | 24 % |
+/// | 30° | 50 % | 48 % | 46 % | 32 % |
+/// | 60° | 35 % | 36 % | 31 % | 36 % |
+/// | from everywhere | 2 % | 9 % | 22 % | 65 % |
+///
+/// Their sums are off by −17 to +20 %. What is off at a low roughness is the edge of a light that one lobe makes soft; at a
+/// high one the Gaussian, which has not GGX's tails, and Fresnel's factor at grazing views. Directional light is
+/// off by the Gaussian alone.
 ///
 /// Quads are not judged by it: where it varies within one, [`SgHullSettings::misfit`] finds what the diffuse light betrays.
 /// That of 0 has light gathered at each pixel, for both lobes.
