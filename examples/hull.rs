@@ -1,9 +1,9 @@
 //! Light gathered on a sparse hull, beside the same gathered at every pixel:
-//! `cargo run --release --example hull -- [SCENE] [WIDTHxHEIGHT] [FOLDER]`.
+//! `cargo run --release --example hull -- [SCENE] [WIDTHxHEIGHT] [FOLDER] [--glossy ROUGHNESS]`.
 //!
 //! The light is one bounce from a reflective shadow map of 16 × 16 texels, as polygons. Writes `hull.png` (the quads'
 //! edges), `result.png`, `truth.png` and `difference.png` (four times enlarged: red where the hull is too bright, blue
-//! where it is too dark).
+//! where it is too dark). With a roughness all surfaces are glossy besides.
 
 #[path = "support/mod.rs"]
 mod support;
@@ -24,7 +24,14 @@ use support::{
 };
 
 fn main() -> Result<(), String> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let mut arguments: Vec<String> = std::env::args().skip(1).collect();
+    let roughness = match arguments.iter().position(|a| a == "--glossy") {
+        Some(at) => {
+            let value = arguments.drain(at..).nth(1).and_then(|v| v.parse().ok());
+            Some(value.ok_or("--glossy takes a roughness, and comes last")?)
+        }
+        None => None,
+    };
     let name = arguments.first().map_or("colonnade", String::as_str);
     let scene = scenes::by_name(name).ok_or_else(|| format!("there is no scene {name}"))?;
     let size = arguments.get(1).map_or("960x540", String::as_str);
@@ -42,7 +49,8 @@ fn main() -> Result<(), String> {
     let buffers = SceneBuffers::new(&gpu, &scene);
     let raster = Raster::draw(&gpu, &buffers, &camera);
     let size = SgHullSize::new(width, height);
-    let renderer = HullRenderer::new(&gpu, size, Components::default()).map_err(error)?;
+    let renderer = HullRenderer::with_roughness(&gpu, size, Components::default(), roughness)
+        .map_err(error)?;
     let lamp = Lamp::of(&scene);
     let lights = renderer
         .lights(&gpu, &buffers, &lamp, camera.eye())

@@ -222,18 +222,18 @@ pub(crate) fn check_plain(
 pub(crate) fn check_roughness<'v>(
     name: &'static str,
     view: Option<&'v TextureView>,
-    needed: bool,
+    // The descriptor's field or value that asks for it.
+    needed: Option<&'static str>,
     viewport: Viewport,
 ) -> Result<Option<&'v TextureView>, Error> {
     let Some(view) = view else {
-        return if needed {
-            Err(Error::Mismatch {
+        return match needed {
+            Some(by) => Err(Error::Mismatch {
                 name,
                 found: "none".into(),
-                needed: "one, for Sampling::Glossy".into(),
-            })
-        } else {
-            Ok(None)
+                needed: format!("one, for {by}"),
+            }),
+            None => Ok(None),
         };
     };
     check_plain(name, view, viewport, TextureUsages::TEXTURE_BINDING)?;
@@ -245,7 +245,7 @@ pub(crate) fn check_roughness<'v>(
             accepted: "a float or unorm format",
         });
     }
-    Ok(needed.then_some(view))
+    Ok(needed.map(|_| view))
 }
 
 pub(crate) fn samples_as_float(format: Format) -> bool {

@@ -257,7 +257,7 @@ fn structs_match_the_shaders() {
         size_of::<DiskParams>(),
     );
     let hull = fields!(SgHullParams: camera, along, capacity, grid, tiles, step, exact_room, misfit, plane_distance, gap,
-        normal_cosine, quad);
+        normal_cosine, quad, f0);
     let segment = fields!(HullSegment: rect, nearest, farthest, anchor, normal, spread);
     let counts = fields!(SgHullCounts: segments, fallbacks, fallback_pixels, gathered, draw, misfits, exact_pixels,
         mean_irradiance, points);
@@ -305,6 +305,7 @@ fn structs_match_the_shaders() {
         "sg_hull_plan",
         "sg_hull_gather",
         "sg_hull albedo",
+        "sg_hull albedo glossy",
     ] {
         check(&ao, stage, "Params", &hull, size_of::<SgHullParams>());
         check(&ao, stage, "Segment", &segment, size_of::<HullSegment>());

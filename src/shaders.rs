@@ -16,7 +16,7 @@ use crate::{
     reconstructor::{self, ReconstructorVariant},
     reflective_shadow_map, screen_space_gi, sender_bounds,
     sg_hull::{
-        self, HullStage,
+        self, HullStage, HullVariant,
         gatherer::{LIGHTS, POLYGONS},
         surfels::SURFELS,
     },
@@ -171,7 +171,11 @@ pub fn shaders(effect: &Effect) -> Result<Vec<Shader>, Error> {
         (HullStage::Place, "sg_hull_place"),
         (HullStage::Judge, "sg_hull_judge"),
     ] {
-        all.push(shader(name, sg_hull::source("", stage, false)?, none));
+        all.push(shader(
+            name,
+            sg_hull::source("", stage, HullVariant::default())?,
+            none,
+        ));
     }
     all.push(shader(
         "reflective_shadow_map",
@@ -183,26 +187,33 @@ pub fn shaders(effect: &Effect) -> Result<Vec<Shader>, Error> {
         )?,
         none,
     ));
+    let variants = [
+        (false, false, ""),
+        (true, false, " albedo"),
+        (false, true, " glossy"),
+        (true, true, " albedo glossy"),
+    ]
+    .map(|(albedo, glossy, name)| (HullVariant { albedo, glossy }, name));
     for (gatherer, gatherer_name) in [
         (POLYGONS, "polygons"),
         (LIGHTS, "lights"),
         (SURFELS, "surfels"),
     ] {
-        let source = sg_hull::source(gatherer, HullStage::Gather, false)?;
+        let source = sg_hull::source(gatherer, HullStage::Gather, HullVariant::default())?;
         all.push(shader(
             &format!("sg_hull_gather {gatherer_name}"),
             source,
             none,
         ));
-        for (albedo, albedo_name) in [(false, ""), (true, " albedo")] {
-            let source = sg_hull::source(gatherer, HullStage::Exact, albedo)?;
-            let name = format!("sg_hull_exact {gatherer_name}{albedo_name}");
+        for (variant, variant_name) in &variants {
+            let source = sg_hull::source(gatherer, HullStage::Exact, *variant)?;
+            let name = format!("sg_hull_exact {gatherer_name}{variant_name}");
             all.push(shader(&name, source, none));
         }
     }
-    for (albedo, name) in [(false, "sg_hull"), (true, "sg_hull albedo")] {
-        let source = sg_hull::source("", HullStage::Shade, albedo)?;
-        all.push(shader(name, source, none));
+    for (variant, variant_name) in variants {
+        let source = sg_hull::source("", HullStage::Shade, variant)?;
+        all.push(shader(&format!("sg_hull{variant_name}"), source, none));
     }
     for smoothed in [false, true] {
         let name = if smoothed {

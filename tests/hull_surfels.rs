@@ -107,6 +107,7 @@ impl Lab {
             gatherer: &gatherer,
             target: Format::Rgba32Float,
             albedo: false,
+            glossy: false,
             components: Components::default(),
             cache: None,
         };
@@ -173,12 +174,19 @@ impl Lab {
             camera: &self.shot.camera,
             origin,
             gather: Some(&gather),
+            roughness: None,
             target: &target,
             timestamps: None,
         };
         if exact {
             self.hull
-                .record_exact(device, &mut encoder, &input, &view)
+                .record_exact(
+                    device,
+                    &mut encoder,
+                    &input,
+                    &SgHullSettings::default(),
+                    &view,
+                )
                 .expect("it fits");
         } else {
             let settings = SgHullSettings::default();

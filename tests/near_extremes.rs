@@ -58,6 +58,7 @@ impl Passes {
             gatherer: &gatherer,
             target: Format::Rgba32Float,
             albedo: false,
+            glossy: false,
             components: Components::default(),
             cache: None,
         };
@@ -153,6 +154,7 @@ impl Passes {
             camera,
             origin: camera.eye(),
             gather: Some(&lights),
+            roughness: None,
             target: &gathered,
             timestamps: None,
         };

@@ -48,6 +48,7 @@ fn hull(gpu: &Gpu, gatherer: &Gatherer, components: Components) -> SgHull {
         gatherer,
         target: FORMAT,
         albedo: false,
+        glossy: false,
         components,
         cache: None,
     };
@@ -115,6 +116,7 @@ fn record(
         camera: &shot.camera,
         origin: shot.camera.eye(),
         gather: Some(gather),
+        roughness: None,
         target: &target,
         timestamps: None,
     };
@@ -862,24 +864,20 @@ fn polygons_have_their_form_factor() {
         camera: &camera,
         origin: camera.eye(),
         gather: Some(&gather),
+        roughness: None,
         target: &target,
         timestamps: None,
     };
     // Four quarters: F = 2 / π · a/√(1+a²) · atan(a/√(1+a²)) each of side a = 1 at height 1, over four of them.
     let s = 1.0 / 2.0_f64.sqrt();
     let expected = 4.0 * s * s.atan() / std::f64::consts::PI;
+    let settings = SgHullSettings::default();
     for exact in [false, true] {
         let mut encoder = gpu.encoder();
         if exact {
-            hull.record_exact(&gpu.device, &mut encoder, &input, &view)
+            hull.record_exact(&gpu.device, &mut encoder, &input, &settings, &view)
         } else {
-            hull.record(
-                &gpu.device,
-                &mut encoder,
-                &input,
-                &SgHullSettings::default(),
-                &view,
-            )
+            hull.record(&gpu.device, &mut encoder, &input, &settings, &view)
         }
         .expect("it fits");
         gpu.finish(encoder);
@@ -924,6 +922,7 @@ fn what_does_not_fit_is_refused() {
     );
     refused(with(&|s| s.normal_angle = 4.0), "Setting", "::normal_angle");
     refused(with(&|s| s.misfit = f32::NAN), "Setting", "::misfit");
+    refused(with(&|s| s.f0[1] = 1.1), "Setting", "::f0");
     let size = SgHullSize::new(16, 16);
     let create = |size| hull.create_view(device, size);
     refused(create(SgHullSize { width: 0, ..size }), "Setting", "size");
@@ -953,6 +952,7 @@ fn what_does_not_fit_is_refused() {
         camera: &shot.camera,
         origin: shot.camera.eye(),
         gather: Some(&gather),
+        roughness: None,
         target: &target,
         timestamps: None,
     };

@@ -424,6 +424,7 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
             gatherer: &gatherer,
             target: color,
             albedo: false,
+            glossy: false,
             components: Components::default(),
             cache: None,
         },
@@ -440,6 +441,7 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
         camera: &camera,
         origin: camera.eye(),
         gather: Some(&gather),
+        roughness: None,
         target: &target,
         timestamps: Some(times.stamps(7)),
     };

@@ -5,12 +5,15 @@
 // of them with unit length. Where a quad has one normal, what is to be had of the lobes is known at the corners: irradiance
 // itself is interpolated, which is cheaper and does not bend between them.
 //
-// @group(0) @binding(0) params, 1 receivers, 2 the segment of each pixel, 3 segments, 4 counters, 5 vertices, 6 albedo
+// @group(0) @binding(0) params, 1 receivers, 2 the segment of each pixel, 3 segments, 4 counters, 5 vertices, 6 albedo, 7 roughness
 
 #import sg_hull
 #import spherical_gaussian
 #import sg_hull_vertex
 #import screen
+#if GLOSSY
+#import sg_glossy
+#endif
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var receivers: texture_2d<u32>;
@@ -20,6 +23,9 @@
 @group(0) @binding(5) var<storage, read> vertices: array<HullVertex>;
 #if ALBEDO
 @group(0) @binding(6) var albedo_texture: texture_2d<f32>;
+#endif
+#if GLOSSY
+@group(0) @binding(7) var roughness_texture: texture_2d<f32>;
 #endif
 
 struct Corner {
@@ -35,6 +41,11 @@ struct FlatCorner {
   @builtin(position) clip: vec4f,
   @location(0) @interpolate(flat) id: u32,
   @location(1) irradiance: vec3f,
+#if GLOSSY
+  @location(2) red: vec4f,
+  @location(3) green: vec4f,
+  @location(4) blue: vec4f,
+#endif
 }
 
 // Where a corner is in the picture. Those of quads that are not to be drawn are all in one point.
@@ -62,7 +73,13 @@ fn flat_corner(@builtin(vertex_index) corner: u32, @builtin(instance_index) i: u
   let slot = segment_slot(params, counters.segments, i);
   let segment = segments[slot];
   let vertex = vertices[i * 4u + corner];
-  return FlatCorner(clip_position(segment, corner, vertex.depth, is_flat(segment)), slot, vertex.irradiance);
+  let clip = clip_position(segment, corner, vertex.depth, is_flat(segment));
+#if GLOSSY
+  let light = vertices[vertex.owner];
+  return FlatCorner(clip, slot, vertex.irradiance, light.red, light.green, light.blue);
+#else
+  return FlatCorner(clip, slot, vertex.irradiance);
+#endif
 }
 
 fn pixel_of(fragment: vec4f) -> vec2u {
@@ -81,15 +98,30 @@ fn reflected(pixel: vec2u, irradiance: vec3f) -> vec4f {
   return vec4f(color, 1.0);
 }
 
+#if GLOSSY
+// What is reflected, and what the second lobe adds to it.
+fn with_gloss(pixel: vec2u, texel: vec4u, diffuse: vec4f, red: vec4f, green: vec4f, blue: vec4f) -> vec4f {
+  let roughness = textureLoad(roughness_texture, params.camera.viewport.xy + pixel, 0).x;
+  let lobe = lobe_seen(params.camera, texel, roughness);
+  return diffuse + vec4f(glossy_radiance(lobe, params.f0, red, green, blue), 0.0);
+}
+#endif
+
 @fragment
 fn shade(in: Corner) -> @location(0) vec4f {
   let pixel = pixel_of(in.clip);
   if !is_of(pixel, in.id) {
     discard;
   }
-  let normal = unpack_normal(textureLoad(receivers, pixel, 0).w);
-  return reflected(pixel, vec3f(lobe_irradiance(in.red, in.excess.x, normal),
+  let texel = textureLoad(receivers, pixel, 0);
+  let normal = unpack_normal(texel.w);
+  let diffuse = reflected(pixel, vec3f(lobe_irradiance(in.red, in.excess.x, normal),
     lobe_irradiance(in.green, in.excess.y, normal), lobe_irradiance(in.blue, in.excess.z, normal)));
+#if GLOSSY
+  return with_gloss(pixel, texel, diffuse, in.red, in.green, in.blue);
+#else
+  return diffuse;
+#endif
 }
 
 @fragment
@@ -98,7 +130,12 @@ fn shade_flat(in: FlatCorner) -> @location(0) vec4f {
   if !is_of(pixel, in.id) {
     discard;
   }
-  return reflected(pixel, in.irradiance);
+  let diffuse = reflected(pixel, in.irradiance);
+#if GLOSSY
+  return with_gloss(pixel, textureLoad(receivers, pixel, 0), diffuse, in.red, in.green, in.blue);
+#else
+  return diffuse;
+#endif
 }
 
 // The sky reflects nothing, and no quad covers it.

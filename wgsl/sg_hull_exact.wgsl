@@ -1,6 +1,6 @@
 // Light gathered at every pixel for comparison, and at the pixels of quads that do not fit (src/sg_hull).
 //
-// @group(0) @binding(0) params, 1 receivers, 2 counters, 3 and 4 the list of pixels, 6 albedo
+// @group(0) @binding(0) params, 1 receivers, 2 counters, 3 and 4 the list of pixels, 6 albedo, 7 roughness
 // @group(1) what the gatherer binds
 
 #import sg_hull
@@ -8,20 +8,22 @@
 #import lobes
 #import gatherer
 #import screen
+#if GLOSSY
+#import sg_glossy
+#endif
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var receivers: texture_2d<u32>;
 @group(0) @binding(2) var<storage, read> counters: Counters;
-// The light, and the pixel's number: for the kernel and for the points.
+// The light, with GLOSSY what is reflected of it, and the pixel's number: for the kernel and for the points.
 @group(0) @binding(3) var<storage, read_write> pixels: array<vec4u>;
 @group(0) @binding(4) var<storage, read> gathered: array<vec4u>;
 #if ALBEDO
 @group(0) @binding(6) var albedo_texture: texture_2d<f32>;
 #endif
-
-fn irradiance_at(texel: vec4u) -> vec3f {
-  return gather(receiver_position(texel), unpack_normal(texel.w), 0u, 1u).irradiance;
-}
+#if GLOSSY
+@group(0) @binding(7) var roughness_texture: texture_2d<f32>;
+#endif
 
 fn reflected(pixel: vec2u, irradiance: vec3f) -> vec4f {
   var color = irradiance / PI;
@@ -31,6 +33,29 @@ fn reflected(pixel: vec2u, irradiance: vec3f) -> vec4f {
   return vec4f(color, 1.0);
 }
 
+// What a pixel keeps for its point.
+#if GLOSSY
+fn light_of(pixel: vec2u, texel: vec4u) -> vec3f {
+  let sum = gather(receiver_position(texel), unpack_normal(texel.w), 0u, 1u);
+  let roughness = textureLoad(roughness_texture, params.camera.viewport.xy + pixel, 0).x;
+  let lobe = lobe_seen(params.camera, texel, roughness);
+  return reflected(pixel, sum.irradiance).xyz
+    + glossy_radiance(lobe, params.f0, usable(sum.red), usable(sum.green), usable(sum.blue));
+}
+
+fn shown(pixel: vec2u, light: vec3f) -> vec4f {
+  return vec4f(light, 1.0);
+}
+#else
+fn light_of(pixel: vec2u, texel: vec4u) -> vec3f {
+  return gather(receiver_position(texel), unpack_normal(texel.w), 0u, 1u).irradiance;
+}
+
+fn shown(pixel: vec2u, light: vec3f) -> vec4f {
+  return reflected(pixel, light);
+}
+#endif
+
 @fragment
 fn exact(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
   let pixel = min(vec2u(fragment.xy) - params.camera.viewport.xy, params.camera.viewport.zw - 1u);
@@ -38,7 +63,7 @@ fn exact(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
   if texel.w == SKY {
     return vec4f(0.0, 0.0, 0.0, 1.0);
   }
-  return reflected(pixel, irradiance_at(texel));
+  return shown(pixel, light_of(pixel, texel));
 }
 
 fn pixel_at(number: u32) -> vec2u {
@@ -52,14 +77,15 @@ fn gather_pixels(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocat
     return;
   }
   let number = pixels[k].w;
-  let found = irradiance_at(textureLoad(receivers, pixel_at(number), 0));
+  let pixel = pixel_at(number);
+  let found = light_of(pixel, textureLoad(receivers, pixel, 0));
   // Light that is not finite is none.
   pixels[k] = vec4u(bitcast<vec3u>(select(vec3f(0.0), found, is_finite3(found))), number);
 }
 
 struct Point {
   @builtin(position) clip: vec4f,
-  @location(0) @interpolate(flat) irradiance: vec3f,
+  @location(0) @interpolate(flat) light: vec3f,
 }
 
 @vertex
@@ -72,5 +98,5 @@ fn point(@builtin(vertex_index) i: u32) -> Point {
 @fragment
 fn draw_point(in: Point) -> @location(0) vec4f {
   let pixel = min(vec2u(in.clip.xy) - params.camera.viewport.xy, params.camera.viewport.zw - 1u);
-  return reflected(pixel, in.irradiance);
+  return shown(pixel, in.light);
 }

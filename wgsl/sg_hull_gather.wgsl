@@ -14,12 +14,6 @@
 @group(0) @binding(2) var<storage, read> list: array<Gathering>;
 @group(0) @binding(3) var<storage, read_write> vertices: array<HullVertex>;
 
-// Light that is not finite is none.
-fn usable(moments: LightMoments) -> LightMoments {
-  let good = is_finite3(moments.xyz) && is_finite(moments.w) && moments.w > 0.0;
-  return select(vec4f(0.0), moments, good);
-}
-
 // What one lobe gets wrong of the irradiance of a surface with the vertex's normal, which is known. Without this a floor
 // that light grazes would be lit by what a broad lobe has above the horizon.
 fn excess(moments: LightMoments, normal: vec3f, irradiance: f32) -> f32 {

@@ -24,6 +24,7 @@ pub struct HullRenderer {
     gatherer: Gatherer,
     pub target: wgpu::TextureView,
     pub settings: SgHullSettings,
+    roughness: Option<wgpu::TextureView>,
 }
 
 /// Texels a side of the map: 256 lights, as in the paper.
@@ -129,6 +130,16 @@ impl Lamp {
 
 impl HullRenderer {
     pub fn new(gpu: &Gpu, size: SgHullSize, components: Components) -> Result<Self, Error> {
+        Self::with_roughness(gpu, size, components, None)
+    }
+
+    /// Of surfaces that are glossy besides, where there is a roughness.
+    pub fn with_roughness(
+        gpu: &Gpu,
+        size: SgHullSize,
+        components: Components,
+        roughness: Option<f32>,
+    ) -> Result<Self, Error> {
         let device = &gpu.device;
         let gatherer = Gatherer::polygons(device);
         let format = wgpu::TextureFormat::Rgba32Float;
@@ -138,6 +149,7 @@ impl HullRenderer {
                 gatherer: &gatherer,
                 target: format,
                 albedo: true,
+                glossy: roughness.is_some(),
                 components,
                 cache: None,
             },
@@ -151,6 +163,11 @@ impl HullRenderer {
             map,
             gatherer,
             settings: SgHullSettings::default(),
+            roughness: roughness.map(|roughness| {
+                let [width, height] = [size.width, size.height];
+                let texels = vec![roughness; (width * height) as usize];
+                gpu.texture(wgpu::TextureFormat::R32Float, width, height, &texels)
+            }),
         })
     }
 
@@ -192,6 +209,7 @@ impl HullRenderer {
             camera,
             origin: camera.eye(),
             gather: Some(lights),
+            roughness: self.roughness.as_ref(),
             target: &self.target,
             timestamps: None,
         }
@@ -225,7 +243,7 @@ impl HullRenderer {
         let input = self.input(raster, camera, lights);
         let (ms, done) = gpu.time(|encoder| {
             self.hull
-                .record_exact(&gpu.device, encoder, &input, &self.view)
+                .record_exact(&gpu.device, encoder, &input, &self.settings, &self.view)
         });
         done?;
         Ok((ms, gpu.read_texture(self.target.texture(), 0)))

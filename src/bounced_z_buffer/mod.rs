@@ -260,7 +260,7 @@ impl BouncedZBuffer {
         let roughness = check_roughness(
             "BouncedInput::roughness",
             input.roughness,
-            self.descriptor.sampling == Sampling::Glossy,
+            (self.descriptor.sampling == Sampling::Glossy).then_some("Sampling::Glossy"),
             viewport,
         )?;
         let disks;

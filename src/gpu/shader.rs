@@ -69,6 +69,10 @@ const COMMON: &[(&str, &str)] = &[
         "spherical_gaussian",
         include_str!("../../wgsl/common/spherical_gaussian.wgsl"),
     ),
+    (
+        "sg_glossy",
+        include_str!("../../wgsl/common/sg_glossy.wgsl"),
+    ),
     ("lobes", include_str!("../../wgsl/common/lobes.wgsl")),
     ("sg_hull", include_str!("../../wgsl/common/sg_hull.wgsl")),
     (

@@ -226,7 +226,7 @@ impl HitReconstructor {
         let roughness = check_roughness(
             "HitReconstructorInput::roughness",
             input.roughness,
-            self.descriptor.glossy(),
+            self.descriptor.glossy().then_some("Sampling::Glossy"),
             viewport,
         )?;
         let params = uniform(

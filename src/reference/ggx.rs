@@ -109,6 +109,11 @@ impl Lobe {
         0.5 * d / (self.view.z + stretched(self.alpha, self.view))
     }
 
+    /// The share of the facets towards the view that it sees: G1.
+    pub fn masking(&self) -> f64 {
+        2.0 * self.view.z / (self.view.z + stretched(self.alpha, self.view))
+    }
+
     /// The BRDF times the cosine over the density of a direction, without Fresnel's factor: G2 / G1, 0…1, and 0 below
     /// the horizon.
     pub fn share(&self, light: DVec3) -> f64 {

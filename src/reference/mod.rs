@@ -18,6 +18,7 @@ pub mod receivers;
 pub mod reconstructor;
 pub mod sample_tables;
 pub mod screen_space_gi;
+pub mod sg_glossy;
 pub mod sg_hull;
 pub mod shell_splatter;
 pub mod soft_shadows;

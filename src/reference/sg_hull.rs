@@ -245,13 +245,8 @@ pub fn misfit(segment: &HullSegment, corners: &[Corner; 4], mean: f64) -> f64 {
     (apart.max(0.5 * f64::from(segment.spread) * light) / scale).max(relative_to_least)
 }
 
-/// Radiance that a white pixel of a quad that fits reflects, from its corners as a rasteriser interpolates them.
-pub fn shade(
-    segment: &HullSegment,
-    corners: &[Corner; 4],
-    pixel: [u32; 2],
-    normal: DVec3,
-) -> DVec3 {
+/// How much each corner counts at a pixel, as a rasteriser interpolates them.
+fn weights(segment: &HullSegment, corners: &[Corner; 4], pixel: [u32; 2]) -> [f64; 4] {
     let rect = segment.rect;
     let at = |i: usize| {
         (f64::from(pixel[i]) + 0.5 - f64::from(rect[i])) / f64::from(rect[i + 2] - rect[i])
@@ -262,22 +257,45 @@ pub fn shade(
     } else {
         [0.0, 1.0 - v, 1.0 - u, u + v - 1.0]
     };
-    let weights = [0, 1, 2, 3].map(|i| flat[i] / corners[i].depth);
+    let farthest = f64::from(segment.farthest).max(1e-30);
+    let weights = [0, 1, 2, 3].map(|i| flat[i] / (corners[i].depth / farthest).clamp(1e-6, 1.0));
     let total: f64 = weights.iter().sum();
-    if is_flat(segment) {
-        let normal = unpack_normal(segment.normal);
-        let terms = corners.iter().zip(weights);
-        return terms.map(|(c, w)| c.irradiance(normal) * w).sum::<DVec3>() / (total * PI);
-    }
+    weights.map(|w| w / total)
+}
+
+/// The moments that are interpolated at a pixel, a colour channel each.
+pub fn moments_at(
+    segment: &HullSegment,
+    corners: &[Corner; 4],
+    pixel: [u32; 2],
+) -> [DLightMoments; 3] {
     let mut moments = [DLightMoments::ZERO; 3];
-    let mut excess = DVec3::ZERO;
-    for (corner, weight) in corners.iter().zip(weights) {
-        let weight = weight / total;
+    for (corner, weight) in corners.iter().zip(weights(segment, corners, pixel)) {
         for (sum, m) in moments.iter_mut().zip(&corner.moments) {
             sum.vector += m.vector * weight;
             sum.total += m.total * weight;
         }
-        excess += corner.excess * weight;
     }
+    moments
+}
+
+/// Radiance that a white pixel of a quad that fits reflects, from its corners.
+pub fn shade(
+    segment: &HullSegment,
+    corners: &[Corner; 4],
+    pixel: [u32; 2],
+    normal: DVec3,
+) -> DVec3 {
+    let weights = weights(segment, corners, pixel);
+    let terms = || corners.iter().zip(weights);
+    if is_flat(segment) {
+        let normal = unpack_normal(segment.normal);
+        return terms()
+            .map(|(c, w)| c.irradiance(normal) * w)
+            .sum::<DVec3>()
+            / PI;
+    }
+    let excess: DVec3 = terms().map(|(c, w)| c.excess * w).sum();
+    let moments = moments_at(segment, corners, pixel);
     (lobe_irradiance(&moments, normal) - excess).max(DVec3::ZERO) / PI
 }

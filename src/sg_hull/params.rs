@@ -21,6 +21,8 @@ pub struct SgHullParams {
     pub(crate) gap: f32,
     pub(crate) normal_cosine: f32,
     pub(crate) quad: u32,
+    pub(crate) f0: [f32; 3],
+    pub(crate) padding: u32,
 }
 
 impl SgHullParams {
@@ -45,6 +47,8 @@ impl SgHullParams {
             gap: settings.gap,
             normal_cosine: cosine,
             quad: settings.quad,
+            f0: settings.f0,
+            padding: 0,
         }
     }
 }

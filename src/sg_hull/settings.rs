@@ -138,6 +138,11 @@ pub struct SgHullSettings {
     /// normals do. At 0 all pixels are: the picture is the truth, as slow as the truth. Infinite: only quads of last
     /// resort are. Default 0.3.
     pub misfit: f32,
+    /// Reflectance of glossy surfaces seen straight on, linear RGB, 0…1, as
+    /// [`HitReconstructorSettings::f0`](crate::HitReconstructorSettings::f0); of use with
+    /// [`SgHullDescriptor::glossy`](crate::SgHullDescriptor::glossy) alone. Default 0.04, that of glass and most plastics;
+    /// metals have their colour.
+    pub f0: [f32; 3],
 }
 
 impl Default for SgHullSettings {
@@ -148,6 +153,7 @@ impl Default for SgHullSettings {
             gap: 0.1,
             normal_angle: 0.25,
             misfit: 0.3,
+            f0: [0.04; 3],
         }
     }
 }
@@ -186,6 +192,15 @@ impl SgHullSettings {
             "SgHullSettings::misfit",
             self.misfit,
             "0 or more",
-        )
+        )?;
+        for channel in self.f0 {
+            check_setting(
+                (0.0..=1.0).contains(&channel),
+                "SgHullSettings::f0",
+                channel,
+                "0 to 1",
+            )?;
+        }
+        Ok(())
     }
 }

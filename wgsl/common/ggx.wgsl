@@ -78,6 +78,11 @@ fn stretched(alpha: f32, v: vec3f) -> f32 {
   return sqrt(alpha * alpha * dot(v.xy, v.xy) + v.z * v.z);
 }
 
+// The share of the facets towards the view that it sees: G1.
+fn masking(lobe: Lobe) -> f32 {
+  return 2.0 * lobe.view.z / (lobe.view.z + stretched(lobe.alpha, lobe.view));
+}
+
 // The BRDF times the cosine over the density of a direction, without Fresnel's factor: G2 / G1, 0...1, and 0 below the
 // horizon.
 fn glossy_share(lobe: Lobe, light: vec3f) -> f32 {

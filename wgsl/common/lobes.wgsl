@@ -30,6 +30,12 @@ fn add_moments(lobes: Lobes, normal: vec3f, moments: vec4f, radiance: vec3f) -> 
     lobes.irradiance + radiance * max(height, 0.0));
 }
 
+// Light that is not finite is none.
+fn usable(moments: LightMoments) -> LightMoments {
+  let good = is_finite3(moments.xyz) && is_finite(moments.w) && moments.w > 0.0;
+  return select(vec4f(0.0), moments, good);
+}
+
 fn add_lobes(a: Lobes, b: Lobes) -> Lobes {
   return Lobes(a.red + b.red, a.green + b.green, a.blue + b.blue, a.irradiance + b.irradiance);
 }

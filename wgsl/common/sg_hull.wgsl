@@ -26,6 +26,8 @@ struct Params {
   normal_cosine: f32,
   // Side of the largest segment in texels: a power of two up to a tile's.
   quad: u32,
+  // Reflectance of glossy surfaces seen straight on.
+  f0: vec3f,
 }
 
 // Pixels of a tile that lie on one surface.
