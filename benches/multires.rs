@@ -1,5 +1,5 @@
 //! Effects by sub-images of a multi-resolution mask beside the same effects at full resolution, in one run:
-//! `cargo bench --bench multires [-- --size 1280x720 --scene cornell --effect ssgi --samples 288 --quick]`.
+//! `cargo bench --bench multires [-- --size 1280x720 --scene cornell --effect ssgi --samples 288 --views 1 --runs 1 --quick]`.
 //!
 //! Prints a row for each of the crate's own views, and their mean for each effect, size and number of samples, and writes
 //! the rows to `target/bench/multires.json`:
@@ -42,7 +42,13 @@ struct Options {
     /// `vo` takes 6, 12, 33 or 64, and leaves others out.
     #[arg(long)]
     samples: Vec<u32>,
-    /// The first view of each scene alone, 640x360 unless --size says otherwise, and one run.
+    /// How many views of each scene, from the first on; without, all.
+    #[arg(long)]
+    views: Option<usize>,
+    /// Of how many runs the fastest counts.
+    #[arg(long, default_value_t = 3)]
+    runs: u32,
+    /// As `--views 1 --runs 1`, 640x360 unless --size says otherwise.
     #[arg(long)]
     quick: bool,
     /// What cargo adds; without a meaning here.
@@ -154,10 +160,12 @@ fn run(options: &Options) -> Result<(), String> {
     println!("{}", gpu.name());
     Row::print_header();
     let passes = Passes::new(&gpu.device).map_err(|e| e.to_string())?;
+    let runs = if options.quick { 1 } else { options.runs };
     let mut rows = Vec::new();
     for size in sizes {
         for scene in &scenes {
-            let views = if options.quick { 1 } else { scene.views.len() };
+            let views = if options.quick { Some(1) } else { options.views };
+            let views = views.map_or(scene.views.len(), |most| most.min(scene.views.len()));
             for view in 0..views {
                 let stage =
                     Stage::new(&gpu, &passes, scene, view, size).map_err(|e| e.to_string())?;
@@ -169,7 +177,7 @@ fn run(options: &Options) -> Result<(), String> {
                         &options.samples
                     };
                     for &samples in counts.iter().filter(|&&n| effect.takes(n)) {
-                        let mut row = measure(&passes, &stage, effect, samples, options.quick)?;
+                        let mut row = measure(&passes, &stage, effect, samples, runs)?;
                         row.scene = scene.name;
                         row.view = scene.views[view].name;
                         row.print();
@@ -192,7 +200,7 @@ fn measure(
     stage: &Stage<'_>,
     effect: Effect,
     samples: u32,
-    quick: bool,
+    runs: u32,
 ) -> Result<Row, String> {
     let gpu = stage.gpu;
     let [width, height] = stage.size();
@@ -200,7 +208,6 @@ fn measure(
     let refuse = |e: deep_screen_space::Error| e.to_string();
     let mut masked =
         Masked::new(gpu, passes, effect, effect.mask(), stage.size()).map_err(refuse)?;
-    let runs = if quick { 1 } else { 3 };
     let mut best = [f64::INFINITY; 4];
     for _ in 0..runs {
         let times = [

@@ -2,6 +2,9 @@
 // Closer Soft Shadows): what blocks the light is looked for around the pixel in the light's shadow map; how far from the
 // pixel it is on average gives the penumbra's width, and over as much of the map the light's visibility is averaged.
 //
+//   soften  of a light with an extent
+//   harden  of one without: a look-up a pixel
+//
 // All points that are looked up lie in the pixel's tangent plane, where a ray from the light meets it: a plane does not
 // shadow itself, however wide the penumbra.
 
@@ -59,6 +62,14 @@ struct Receiver {
   turn: f32,
 }
 
+// Of a surface that faces the light.
+fn receiver_of(pixel: vec2u, surface: Surface, arrival: Arrival) -> Receiver {
+  let noise = 2.0 * PI * unit_float(hash2(pixel.x, pixel.y));
+  let turn = select(0.0, noise, params.turn != 0u);
+  let side = surface.normal + arrival.to_light;
+  return Receiver(surface.position, surface.normal, arrival, side, tangent_frame(arrival.to_light), turn);
+}
+
 // Points of a spiral in the unit disk: with the exponent 0.5 they cover it evenly (Vogel 1979), with 1 they are denser
 // towards the middle.
 fn spiral(i: u32, count: u32, exponent: f32, turn: f32) -> vec2f {
@@ -112,11 +123,9 @@ fn texel_side(point: vec3f) -> f32 {
   return shadow.cameras[own.layer].texel * own.clip.w;
 }
 
-fn visibility(r: Receiver) -> f32 {
+// How wide a pixel's penumbra is, half of it; 0 where nothing blocks the light.
+fn width_at(r: Receiver) -> f32 {
   let middle = look_up(r.point, r.side);
-  if params.extent == 0.0 {
-    return select(1.0, 0.0, is_hidden(middle));
-  }
   var total = gap(r, middle);
   var count = select(0.0, 1.0, is_hidden(middle));
   for (var i = 0u; i < params.blockers; i++) {
@@ -129,33 +138,26 @@ fn visibility(r: Receiver) -> f32 {
       count += 1.0;
     }
   }
-  if count == 0.0 {
-    return 1.0;
-  }
   // What is narrower than a texel is the map's own edge.
-  let width = max(penumbra(r, total / count), texel_side(r.point));
-  var visible = 0.0;
-  for (var i = 0u; i < params.samples; i++) {
-    let offset = width * spiral(i, params.samples, 0.5, r.turn);
-    visible += select(1.0, 0.0, is_hidden(look_up(beside(r, offset), r.side)));
-  }
-  return visible / f32(params.samples);
+  let width = max(penumbra(r, total / max(count, 1.0)), texel_side(r.point));
+  return select(0.0, width, count > 0.0);
 }
 
-fn value_of(pixel: vec2u) -> f32 {
-  let surface = surface_at(pixel);
-  if surface.sky {
-    return 1.0;
+// Of the pixels of a workgroup those where something blocks the light: their number, x | y << 16, half widths of their
+// penumbrae, and how many samples are lit.
+var<workgroup> blocked: atomic<u32>;
+var<workgroup> pixels: array<u32, 64>;
+var<workgroup> widths: array<f32, 64>;
+var<workgroup> lit: array<atomic<u32>, 64>;
+
+// Of the samples from `first` on, in steps, how many are lit.
+fn lit_of(r: Receiver, width: f32, first: u32, step: u32) -> u32 {
+  var visible = 0u;
+  for (var i = first; i < params.samples; i += step) {
+    let offset = width * spiral(i, params.samples, 0.5, r.turn);
+    visible += select(1u, 0u, is_hidden(look_up(beside(r, offset), r.side)));
   }
-  let arrival = light_at(params.light, surface.position);
-  // A surface that faces away shadows itself.
-  if dot(surface.normal, arrival.to_light) <= 0.0 {
-    return 0.0;
-  }
-  let noise = 2.0 * PI * unit_float(hash2(pixel.x, pixel.y));
-  let turn = select(0.0, noise, params.turn != 0u);
-  let side = surface.normal + arrival.to_light;
-  return visibility(Receiver(surface.position, surface.normal, arrival, side, tangent_frame(arrival.to_light), turn));
+  return visible;
 }
 
 @compute @workgroup_size(8, 8)
@@ -164,8 +166,73 @@ fn soften(
   @builtin(num_workgroups) groups: vec3u,
   @builtin(local_invocation_index) index: u32,
 ) {
+  if index == 0u {
+    atomicStore(&blocked, 0u);
+  }
+  atomicStore(&lit[index], 0u);
+  workgroupBarrier();
+
+  let item = work_item(group, groups, index);
+  var value = 1.0;
+  var slot = 64u;
+  if item.valid {
+    let surface = surface_at(item.pixel);
+    let arrival = light_at(params.light, surface.position);
+    // A surface that faces away shadows itself.
+    let faces = dot(surface.normal, arrival.to_light) > 0.0;
+    value = select(0.0, 1.0, surface.sky || faces);
+    if faces && !surface.sky {
+      let width = width_at(receiver_of(item.pixel, surface, arrival));
+      if width > 0.0 {
+        slot = atomicAdd(&blocked, 1u);
+        pixels[slot] = item.pixel.x | (item.pixel.y << 16u);
+        widths[slot] = width;
+      }
+    }
+  }
+  workgroupBarrier();
+
+  // Wherever nothing blocks the light there is nothing to average: all invocations share the samples of the others.
+  let count = atomicLoad(&blocked);
+  let shares = 64u / max(count, 1u);
+  let own = index % max(count, 1u);
+  let share = index / max(count, 1u);
+  if count > 0u && share < shares {
+    let pixel = vec2u(pixels[own] & 0xffffu, pixels[own] >> 16u);
+    let surface = surface_at(pixel);
+    let r = receiver_of(pixel, surface, light_at(params.light, surface.position));
+    atomicAdd(&lit[own], lit_of(r, widths[own], share, shares));
+  }
+  workgroupBarrier();
+
+  if item.valid {
+    if slot < 64u {
+      value = f32(atomicLoad(&lit[slot])) / f32(params.samples);
+    }
+    textureStore(result, item.texel, vec4f(value, 0.0, 0.0, 0.0));
+  }
+}
+
+// Of a light without extent.
+fn hard_at(pixel: vec2u) -> f32 {
+  let surface = surface_at(pixel);
+  if surface.sky {
+    return 1.0;
+  }
+  let arrival = light_at(params.light, surface.position);
+  // A surface that faces away shadows itself.
+  let faces = dot(surface.normal, arrival.to_light) > 0.0;
+  return select(0.0, 1.0, faces && !is_hidden(look_up(surface.position, surface.normal + arrival.to_light)));
+}
+
+@compute @workgroup_size(8, 8)
+fn harden(
+  @builtin(workgroup_id) group: vec3u,
+  @builtin(num_workgroups) groups: vec3u,
+  @builtin(local_invocation_index) index: u32,
+) {
   let item = work_item(group, groups, index);
   if item.valid {
-    textureStore(result, item.texel, vec4f(value_of(item.pixel), 0.0, 0.0, 0.0));
+    textureStore(result, item.texel, vec4f(hard_at(item.pixel), 0.0, 0.0, 0.0));
   }
 }

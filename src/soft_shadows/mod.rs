@@ -38,7 +38,8 @@ const LABEL: &str = "deep-screen-space soft shadows";
 /// Holds pipelines only; one serves any number of views.
 #[derive(Debug)]
 pub struct SoftShadows {
-    kernel: WorkKernel,
+    /// By whether shadows are hard, then by whether the light has one map alone.
+    kernels: [[WorkKernel; 2]; 2],
 }
 
 /// What one recording of [`SoftShadows`] works on.
@@ -69,26 +70,32 @@ impl SoftShadows {
     /// # Errors
     /// None that a device with these limits gives.
     pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
-        let kernel = WorkKernelDescriptor {
-            label: LABEL,
-            entry: "soften",
-            entries: &[
-                (0, UNIFORM),
-                (1, FLOAT_2D),
-                (2, FLOAT_2D),
-                (3, UNIFORM),
-                (4, FLOAT_ARRAY),
-                (
-                    5,
-                    binding::store(TextureFormat::R32Float, TextureViewDimension::D2),
-                ),
-            ],
-            list: 6,
-            constants: &[],
-            cache,
+        let kernel = |entry, one_map: bool| {
+            let descriptor = WorkKernelDescriptor {
+                label: LABEL,
+                entry,
+                entries: &[
+                    (0, UNIFORM),
+                    (1, FLOAT_2D),
+                    (2, FLOAT_2D),
+                    (3, UNIFORM),
+                    (4, FLOAT_ARRAY),
+                    (
+                        5,
+                        binding::store(TextureFormat::R32Float, TextureViewDimension::D2),
+                    ),
+                ],
+                list: 6,
+                constants: &[("ONE_MAP", f64::from(u8::from(one_map)))],
+                cache,
+            };
+            WorkKernel::new(device, &descriptor, source)
         };
         Ok(Self {
-            kernel: WorkKernel::new(device, &kernel, source)?,
+            kernels: [
+                [kernel("soften", false)?, kernel("soften", true)?],
+                [kernel("harden", false)?, kernel("harden", true)?],
+            ],
         })
     }
 
@@ -136,7 +143,9 @@ impl SoftShadows {
             (4, view(input.map.depth)),
             (5, view(input.target)),
         ];
-        self.kernel
+        let is_hard = usize::from(settings.extent == 0.0);
+        let has_one_map = usize::from(input.map.cameras.len() == 1);
+        self.kernels[is_hard][has_one_map]
             .record(device, encoder, resources, work, viewport, input.timestamps);
         Ok(())
     }

@@ -29,6 +29,9 @@ struct Shadow {
   padding: f32,
 }
 
+// Whether there is but one map: no other is asked then.
+override ONE_MAP: bool = false;
+
 // A share of w: two maps that meet share their edge, whatever the rounding.
 const SEAM: f32 = 1e-5;
 
@@ -38,15 +41,31 @@ struct Seen {
   clip: vec4f,
 }
 
-fn first_map(point: vec3f) -> Seen {
-  for (var layer = 0u; layer < shadow.count; layer++) {
-    let clip = shadow.cameras[layer].clip * vec4f(point - shadow.cameras[layer].eye, 1.0);
-    let bound = clip.w * (1.0 + SEAM);
-    if clip.w > 0.0 && all(abs(clip.xy) <= vec2f(bound)) && clip.z >= 0.0 && clip.z <= clip.w {
-      return Seen(layer, clip);
-    }
+// What a map sees of a point, where none before it did.
+fn or_seen(before: Seen, layer: u32, point: vec3f) -> Seen {
+  if before.layer < shadow.count || layer >= shadow.count {
+    return before;
   }
-  return Seen(shadow.count, vec4f(0.0));
+  let clip = shadow.cameras[layer].clip * vec4f(point - shadow.cameras[layer].eye, 1.0);
+  let bound = clip.w * (1.0 + SEAM);
+  let inside = clip.w > 0.0 && all(abs(clip.xy) <= vec2f(bound)) && clip.z >= 0.0 && clip.z <= clip.w;
+  if !inside {
+    return before;
+  }
+  return Seen(layer, clip);
+}
+
+// Written out, so that each camera is at a constant place: a loop's would be fetched for each invocation.
+fn first_map(point: vec3f) -> Seen {
+  var seen = or_seen(Seen(shadow.count, vec4f(0.0)), 0u, point);
+  if !ONE_MAP {
+    seen = or_seen(seen, 1u, point);
+    seen = or_seen(seen, 2u, point);
+    seen = or_seen(seen, 3u, point);
+    seen = or_seen(seen, 4u, point);
+    seen = or_seen(seen, 5u, point);
+  }
+  return seen;
 }
 
 // What a map says of a point.
