@@ -256,8 +256,8 @@ fn structs_match_the_shaders() {
         &disks,
         size_of::<DiskParams>(),
     );
-    let hull = fields!(SgHullParams: camera, along, capacity, grid, tiles, step, exact_room, misfit, plane_distance, gap,
-        normal_cosine, quad, f0);
+    let hull = fields!(SgHullParams: camera, along, capacity, grid, tiles, f0, texel, exact_room, misfit, plane_distance, gap,
+        normal_cosine, quad);
     let segment = fields!(HullSegment: rect, nearest, farthest, anchor, normal, spread);
     let counts = fields!(SgHullCounts: segments, fallbacks, fallback_pixels, gathered, draw, misfits, exact_pixels,
         mean_irradiance, points);

@@ -58,12 +58,17 @@ fn clip_position(segment: Segment, corner: u32, depth: f32, drawn: bool) -> vec4
   return select(vec4f(0.0, 0.0, 0.0, 1.0), vec4f(ndc * w, 0.5 * w, w), drawn);
 }
 
+// Whether a segment is to be drawn as a quad: not if all of its pixels are sure to be drawn as points.
+fn is_drawn(segment: Segment, slot: u32) -> bool {
+  return !(has_room(params) && (slot >= first_fallback(params) || is_tiny(segment)));
+}
+
 @vertex
 fn corner(@builtin(vertex_index) corner: u32, @builtin(instance_index) i: u32) -> Corner {
   let slot = segment_slot(params, counters.segments, i);
   let segment = segments[slot];
   let vertex = vertices[i * 4u + corner];
-  let clip = clip_position(segment, corner, vertex.depth, !is_flat(segment));
+  let clip = clip_position(segment, corner, vertex.depth, is_drawn(segment, slot) && !is_flat(segment));
   let light = vertices[vertex.owner];
   return Corner(clip, slot, light.red, light.green, light.blue, light.excess);
 }
@@ -73,7 +78,7 @@ fn flat_corner(@builtin(vertex_index) corner: u32, @builtin(instance_index) i: u
   let slot = segment_slot(params, counters.segments, i);
   let segment = segments[slot];
   let vertex = vertices[i * 4u + corner];
-  let clip = clip_position(segment, corner, vertex.depth, is_flat(segment));
+  let clip = clip_position(segment, corner, vertex.depth, is_drawn(segment, slot) && is_flat(segment));
 #if GLOSSY
   let light = vertices[vertex.owner];
   return FlatCorner(clip, slot, vertex.irradiance, light.red, light.green, light.blue);

@@ -151,12 +151,6 @@ fn owner_of(segment: Segment, corner: u32, vertex: u32) -> u32 {
   return vertex;
 }
 
-// Whether all pixels can be gathered each for itself, and with them those of tiny segments. Otherwise these have one vertex
-// at their anchor for when they find none.
-fn has_room() -> bool {
-  return params.exact_room >= params.camera.viewport.z * params.camera.viewport.w;
-}
-
 @compute @workgroup_size(64)
 fn place_vertices(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) thread: u32) {
   if thread == 0u {
@@ -177,7 +171,8 @@ fn place_vertices(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invoca
       let anchor = textureLoad(receivers, pixel_at(segment.anchor), 0);
       here = Place(relative(params, anchor), unpack_normal(anchor.w), true);
       owner = index - index % 4u;
-      is_listed = owner == index && !has_room();
+      // One vertex at the anchor, for when the pixels find no room.
+      is_listed = owner == index && !has_room(params);
     } else {
       here = place(segment, slot, index % 4u);
       if here.on_surface {

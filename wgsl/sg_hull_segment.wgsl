@@ -1,11 +1,13 @@
 // Segments of a tile: pixels of one surface (Meder and Bruederlin 2018, section 3 and algorithm 1).
 //
 // A workgroup takes a tile of 32 x 32 texels, each of which stands for one pixel or, where the picture is finer than the
-// grid, for several. A texel's nearest pixel is what it is segmented by, so that what is thinner than a texel is a segment
-// like any other. Pixels join the segment of a texel beside them that they are one surface with. Those that find none
-// are segmented in a further round, and what the last round finds is one segment whatever it is: no pixel has none.
+// grid, for a square of them. A texel is segmented by its middle pixel, and the others are read once: they join it if they
+// are one surface with it, and are listed otherwise. Those listed join the segment of a texel beside them that they are one
+// surface with. Those that find none are segmented in a further round, each texel by the nearest of its own, so that what
+// is thinner than a texel is a segment like any other. What the last round finds is one segment whatever it is: no pixel
+// has none.
 //
-// @group(0) @binding(0) params, 1 receivers, 2 the segment of each pixel, 3 segments, 4 counters
+// @group(0) @binding(0) params, 1 receivers, 2 the segment of each pixel, 3 segments, 4 counters, 5 the lists
 
 #import sg_hull
 
@@ -14,6 +16,9 @@
 @group(0) @binding(2) var<storage, read_write> segment_of: array<u32>;
 @group(0) @binding(3) var<storage, read_write> segments: array<Segment>;
 @group(0) @binding(4) var<storage, read_write> counters: AtomicCounters;
+// As many as pixels, a tile's from one place on: the texel in the tile, 10 bits, and the offset from its first pixel, 8 bits
+// a coordinate.
+@group(0) @binding(5) var<storage, read_write> others: array<u32>;
 
 // The first of Counters.
 struct AtomicCounters {
@@ -32,7 +37,7 @@ const PER_THREAD: u32 = 4u;
 // Segments of a tile and round; more wait for the next.
 const SLOTS: u32 = 128u;
 // The last one is the last resort.
-const ROUNDS: u32 = 4u;
+const ROUNDS: u32 = 5u;
 
 // A texel's pick, all in one word: the pixel as an offset from the texel's first, 8 bits a coordinate; whether there is
 // one, and whether it is linked to the texel on the right and below; the segment's number in the upper 8 bits.
@@ -40,6 +45,7 @@ const PICKED: u32 = 0x10000u;
 const RIGHT: u32 = 0x20000u;
 const BELOW: u32 = 0x40000u;
 const NONE: u32 = 0xffu;
+const NO_LABEL: u32 = 0xffffffffu;
 // Normals are summed as integers: the sum has no order.
 const NORMAL_ONE: f32 = 1048576.0;
 
@@ -57,7 +63,10 @@ var<workgroup> roots: array<atomic<u32>, 32>;
 var<workgroup> rows: array<u32, 32>;
 // Components before those of a word of roots.
 var<workgroup> before: array<u32, 32>;
+// Pixels of the list, and those of them without a segment.
+var<workgroup> listed: atomic<u32>;
 var<workgroup> unassigned: atomic<u32>;
+var<workgroup> list_length: u32;
 var<workgroup> rest: u32;
 var<workgroup> first: u32;
 var<workgroup> room: u32;
@@ -82,7 +91,11 @@ fn texel_at(tile: vec2u, t: u32) -> vec2u {
 
 // The first pixel of a texel; the first of the next is one past its last.
 fn first_pixel(texel: vec2u) -> vec2u {
-  return (min(texel, params.grid) * params.step) >> vec2u(16u);
+  return min(texel * params.texel, params.camera.viewport.zw);
+}
+
+fn offset_of(bits: u32) -> vec2u {
+  return vec2u(bits & 255u, (bits >> 8u) & 255u);
 }
 
 fn is_picked(t: u32) -> bool {
@@ -91,8 +104,7 @@ fn is_picked(t: u32) -> bool {
 
 // The pixel that stands for a texel.
 fn pick_of(tile: vec2u, t: u32) -> vec2u {
-  let pick = picks[t];
-  return first_pixel(texel_at(tile, t)) + vec2u(pick & 255u, (pick >> 8u) & 255u);
+  return first_pixel(texel_at(tile, t)) + offset_of(picks[t]);
 }
 
 fn slot_of(t: u32) -> u32 {
@@ -171,8 +183,16 @@ fn add_to_box(slot: u32, low: vec2u, high: vec2u, nearest: f32, farthest: f32) {
   atomicMax(&boxes[at + 5u], ordered(farthest));
 }
 
+// Joins a pixel of the list to a segment.
+fn join(pixel: vec2u, texel: vec4u, slot: u32, first_slot: u32) {
+  segment_of[pixel.y * params.camera.viewport.z + pixel.x] = first_slot + slot;
+  let depth = dot(params.along, relative(params, texel));
+  add_to_box(slot, pixel, pixel + 1u, depth, depth);
+  atomicSub(&unassigned, 1u);
+}
+
 // The segment of a pixel that its own texel does not have: that of a texel beside it with the same surface.
-fn slot_beside(tile: vec2u, t: u32, pixel: vec4u, rooms: u32) -> u32 {
+fn slot_beside(tile: vec2u, t: u32, here: Facet, rooms: u32) -> u32 {
   let x = i32(t % TILE);
   let y = i32(t / TILE);
   for (var i = 0; i < 9; i++) {
@@ -183,7 +203,7 @@ fn slot_beside(tile: vec2u, t: u32, pixel: vec4u, rooms: u32) -> u32 {
     }
     let other = u32(row) * TILE + u32(column);
     let slot = slot_of(other);
-    if slot < rooms && similar(params, pixel, load(pick_of(tile, other))) {
+    if slot < rooms && alike(params, here, facet(params, load(pick_of(tile, other)))) {
       return slot;
     }
   }
@@ -194,11 +214,19 @@ fn slot_beside(tile: vec2u, t: u32, pixel: vec4u, rooms: u32) -> u32 {
 fn segment(@builtin(workgroup_id) tile_id: vec3u, @builtin(local_invocation_index) thread: u32) {
   let tile = tile_id.xy;
   let width = params.camera.viewport.z;
+  // The tile's pixels lie in the list as if they were all there were of its rows.
+  let tile_low = first_pixel(tile * TILE);
+  let tile_high = first_pixel((tile + 1u) * TILE);
+  let list_start = tile_low.y * width + tile_low.x * (tile_high.y - tile_low.y);
+  if thread == 0u {
+    atomicStore(&listed, 0u);
+    atomicStore(&unassigned, 0u);
+  }
   for (var round = 0u; round < ROUNDS; round++) {
     let last = round == ROUNDS - 1u;
-    // The pixel that each texel is segmented by: the nearest of those without a segment.
     if thread == 0u {
-      atomicStore(&unassigned, 0u);
+      list_length = atomicLoad(&listed);
+      rest = atomicLoad(&unassigned);
     }
     if thread < 32u {
       atomicStore(&roots[thread], 0u);
@@ -213,49 +241,36 @@ fn segment(@builtin(workgroup_id) tile_id: vec3u, @builtin(local_invocation_inde
       atomicStore(&anchors[thread], 0xffffffffu);
       atomicStore(&members[thread], 0u);
     }
-    workgroupBarrier();
-    for (var k = 0u; k < PER_THREAD; k++) {
-      let t = thread + k * THREADS;
+    // The pixel that each texel is segmented by: its middle, and then the nearest of those without a segment. A depth is
+    // kept to a 128th of it, beside the offset.
+    for (var t = thread; t < TEXELS; t += THREADS) {
       let texel = texel_at(tile, t);
-      let low = first_pixel(texel);
-      let high = select(low, first_pixel(texel + 1u), texel < params.grid);
-      var pick = 0u;
-      var depth = MAX_F32;
-      var count = 0u;
-      for (var y = low.y; y < high.y; y++) {
-        for (var x = low.x; x < high.x; x++) {
-          let pixel = y * width + x;
-          if round > 0u && segment_of[pixel] != UNASSIGNED {
-            continue;
-          }
-          let texel_here = load(vec2u(x, y));
-          if round == 0u {
-            segment_of[pixel] = select(UNASSIGNED, SKY_PIXEL, texel_here.w == SKY);
-          }
-          if texel_here.w == SKY {
-            continue;
-          }
-          count++;
-          let here = dot(params.along, relative(params, texel_here));
-          if pick == 0u || here < depth {
-            pick = PICKED | (x - low.x) | ((y - low.y) << 8u);
-            depth = here;
-          }
-        }
-      }
-      picks[t] = pick | (NONE << 24u);
-      if count > 0u {
-        atomicAdd(&unassigned, count);
-      }
+      let middle = (first_pixel(texel + 1u) - first_pixel(texel)) / 2u;
+      atomicStore(&labels[t], select(NO_LABEL, middle.x | (middle.y << 8u), round == 0u && all(texel < params.grid)));
     }
-    workgroupBarrier();
-    if thread == 0u {
-      rest = atomicLoad(&unassigned);
+    let listed_before = workgroupUniformLoad(&list_length);
+    for (var i = thread; i < listed_before; i += THREADS) {
+      let entry = others[list_start + i];
+      let t = entry & 1023u;
+      let offset = entry >> 10u;
+      let pixel = first_pixel(texel_at(tile, t)) + offset_of(offset);
+      if segment_of[pixel.y * width + pixel.x] == UNASSIGNED {
+        let depth = dot(params.along, relative(params, load(pixel)));
+        atomicMin(&labels[t], (ordered(depth) & 0xffff0000u) | offset);
+      }
     }
     let remaining = workgroupUniformLoad(&rest);
-    if remaining == 0u {
-      break;
+    for (var t = thread; t < TEXELS; t += THREADS) {
+      let label = atomicLoad(&labels[t]);
+      var pick = NONE << 24u;
+      if label != NO_LABEL {
+        let offset = label & 0xffffu;
+        let is_sky = round == 0u && load(first_pixel(texel_at(tile, t)) + offset_of(offset)).w == SKY;
+        pick |= select(PICKED | offset, 0u, is_sky);
+      }
+      picks[t] = pick;
     }
+    workgroupBarrier();
 
     // Links between neighbours.
     var links = vec4u(0u);
@@ -264,13 +279,13 @@ fn segment(@builtin(workgroup_id) tile_id: vec3u, @builtin(local_invocation_inde
       if last || !is_picked(t) {
         continue;
       }
-      let here = load(pick_of(tile, t));
+      let here = facet(params, load(pick_of(tile, t)));
       // Segments end where quads do.
       let ends = vec2u(t % TILE, t / TILE) % params.quad == vec2u(params.quad - 1u);
-      if !ends.x && is_picked(t + 1u) && similar(params, here, load(pick_of(tile, t + 1u))) {
+      if !ends.x && is_picked(t + 1u) && alike(params, here, facet(params, load(pick_of(tile, t + 1u)))) {
         links[k] = RIGHT;
       }
-      if !ends.y && is_picked(t + TILE) && similar(params, here, load(pick_of(tile, t + TILE))) {
+      if !ends.y && is_picked(t + TILE) && alike(params, here, facet(params, load(pick_of(tile, t + TILE)))) {
         links[k] |= BELOW;
       }
     }
@@ -364,89 +379,100 @@ fn segment(@builtin(workgroup_id) tile_id: vec3u, @builtin(local_invocation_inde
     }
     workgroupBarrier();
 
-    // Pixels to the segments of their texels.
+    // Pixels to the segments of their texels: all of them, and later those of the list.
     for (var k = 0u; k < PER_THREAD; k++) {
       let t = thread + k * THREADS;
       let own = slot_of(t);
-      if own >= rooms {
-        continue;
-      }
-      let pick = pick_of(tile, t);
-      let picked_texel = load(pick);
+      let has_slot = own < rooms;
       let texel = texel_at(tile, t);
       let low = first_pixel(texel);
-      let high = first_pixel(texel + 1u);
-      var box_low = vec2u(0xffffffffu);
-      var box_high = vec2u(0u);
-      var nearest = MAX_F32;
-      var farthest = -MAX_F32;
-      var normal = vec3f(0.0);
-      var count = 0u;
-      for (var y = low.y; y < high.y; y++) {
-        for (var x = low.x; x < high.x; x++) {
-          let pixel = y * width + x;
-          if segment_of[pixel] != UNASSIGNED {
-            continue;
-          }
-          let here = load(vec2u(x, y));
-          if last || all(vec2u(x, y) == pick) || similar(params, here, picked_texel) {
-            segment_of[pixel] = first_slot + own;
-            count++;
-            let depth = dot(params.along, relative(params, here));
-            box_low = min(box_low, vec2u(x, y));
-            box_high = max(box_high, vec2u(x, y) + 1u);
-            nearest = min(nearest, depth);
-            farthest = max(farthest, depth);
-            normal += unpack_normal(here.w);
-          }
-        }
-      }
-      atomicSub(&unassigned, count);
-      add_to_box(own, box_low, box_high, nearest, farthest);
-      // 1024 of them stay within 31 bits.
-      let n = vec3i(floor(normal / f32(count) * NORMAL_ONE + 0.5));
-      atomicAdd(&members[own], 1u);
-      atomicAdd(&normals[own * 3u], n.x);
-      atomicAdd(&normals[own * 3u + 1u], n.y);
-      atomicAdd(&normals[own * 3u + 2u], n.z);
-    }
-    workgroupBarrier();
-    if thread == 0u {
-      rest = atomicLoad(&unassigned);
-    }
-    let others = workgroupUniformLoad(&rest);
-
-    // The rest to those of texels beside.
-    if others > 0u {
-      for (var k = 0u; k < PER_THREAD; k++) {
-        let t = thread + k * THREADS;
-        if !is_picked(t) {
-          continue;
-        }
-        let pick = pick_of(tile, t);
-        let texel = texel_at(tile, t);
-        let low = first_pixel(texel);
-        let high = first_pixel(texel + 1u);
+      let pick = low + offset_of(picks[t]);
+      let picked = facet(params, load(pick));
+      var normal = picked.normal;
+      if round == 0u {
+        let high = select(low, first_pixel(texel + 1u), texel < params.grid);
+        var box_low = vec2u(0xffffffffu);
+        var box_high = vec2u(0u);
+        var nearest = MAX_F32;
+        var farthest = -MAX_F32;
+        var sum = vec3f(0.0);
+        var count = 0u;
         for (var y = low.y; y < high.y; y++) {
           for (var x = low.x; x < high.x; x++) {
-            let pixel = y * width + x;
-            // What a texel is segmented by is never another's: it waits for a round with room.
-            if segment_of[pixel] != UNASSIGNED || all(vec2u(x, y) == pick) {
-              continue;
-            }
-            let here = load(vec2u(x, y));
-            let slot = slot_beside(tile, t, here, rooms);
-            if slot != NONE {
-              segment_of[pixel] = first_slot + slot;
-              let depth = dot(params.along, relative(params, here));
-              add_to_box(slot, vec2u(x, y), vec2u(x, y) + 1u, depth, depth);
-              atomicSub(&unassigned, 1u);
+            let texel_here = load(vec2u(x, y));
+            let here = facet(params, texel_here);
+            let is_sky = texel_here.w == SKY;
+            let joins = !is_sky && has_slot && (all(vec2u(x, y) == pick) || alike(params, here, picked));
+            segment_of[y * width + x] = select(select(UNASSIGNED, first_slot + own, joins), SKY_PIXEL, is_sky);
+            if joins {
+              count++;
+              let depth = dot(params.along, here.position);
+              box_low = min(box_low, vec2u(x, y));
+              box_high = max(box_high, vec2u(x, y) + 1u);
+              nearest = min(nearest, depth);
+              farthest = max(farthest, depth);
+              sum += here.normal;
+            } else if !is_sky {
+              others[list_start + atomicAdd(&listed, 1u)] = t | ((x - low.x) << 10u) | ((y - low.y) << 18u);
             }
           }
         }
+        if has_slot {
+          add_to_box(own, box_low, box_high, nearest, farthest);
+          normal = sum / f32(count);
+        }
       }
-      workgroupBarrier();
+      if has_slot {
+        // 1024 of them stay within 31 bits.
+        let n = vec3i(floor(normal * NORMAL_ONE + 0.5));
+        atomicAdd(&members[own], 1u);
+        atomicAdd(&normals[own * 3u], n.x);
+        atomicAdd(&normals[own * 3u + 1u], n.y);
+        atomicAdd(&normals[own * 3u + 2u], n.z);
+      }
     }
+    for (var i = thread; i < listed_before; i += THREADS) {
+      let entry = others[list_start + i];
+      let t = entry & 1023u;
+      let own = slot_of(t);
+      let pixel = first_pixel(texel_at(tile, t)) + offset_of(entry >> 10u);
+      if own >= rooms || segment_of[pixel.y * width + pixel.x] != UNASSIGNED {
+        continue;
+      }
+      let here = load(pixel);
+      let pick = pick_of(tile, t);
+      if last || all(pixel == pick) || similar(params, here, load(pick)) {
+        join(pixel, here, own, first_slot);
+      }
+    }
+    storageBarrier();
+    workgroupBarrier();
+    if thread == 0u {
+      list_length = atomicLoad(&listed);
+      if round == 0u {
+        atomicStore(&unassigned, list_length);
+      }
+    }
+    let listed_now = workgroupUniformLoad(&list_length);
+
+    // The rest to those of texels beside.
+    for (var i = thread; i < listed_now; i += THREADS) {
+      let entry = others[list_start + i];
+      let t = entry & 1023u;
+      let offset = entry >> 10u;
+      let pixel = first_pixel(texel_at(tile, t)) + offset_of(offset);
+      // What a texel is segmented by is never another's: it waits for a round with room.
+      let is_pick = is_picked(t) && (picks[t] & 0xffffu) == offset;
+      if segment_of[pixel.y * width + pixel.x] != UNASSIGNED || is_pick {
+        continue;
+      }
+      let here = load(pixel);
+      let slot = slot_beside(tile, t, facet(params, here), rooms);
+      if slot != NONE {
+        join(pixel, here, slot, first_slot);
+      }
+    }
+    workgroupBarrier();
 
     // The picked pixel closest to the middle of each.
     for (var k = 0u; k < PER_THREAD; k++) {
@@ -456,8 +482,7 @@ fn segment(@builtin(workgroup_id) tile_id: vec3u, @builtin(local_invocation_inde
         let at = slot * 6u;
         let middle = 0.5 * vec2f(f32(atomicLoad(&boxes[at]) + atomicLoad(&boxes[at + 3u])),
           f32(atomicLoad(&boxes[at + 1u]) + atomicLoad(&boxes[at + 4u])));
-        let off = (vec2f(pick_of(tile, t)) + 0.5 - middle) * vec2f(params.grid)
-          / vec2f(params.camera.viewport.zw);
+        let off = (vec2f(pick_of(tile, t)) + 0.5 - middle) / f32(params.texel);
         atomicMin(&anchors[slot], (min(u32(dot(off, off) * 16.0), 0x3fffffu) << 10u) | t);
       }
     }
@@ -477,6 +502,7 @@ fn segment(@builtin(workgroup_id) tile_id: vec3u, @builtin(local_invocation_inde
     if thread == 0u {
       rest = atomicLoad(&unassigned);
     }
+    storageBarrier();
     let left = workgroupUniformLoad(&rest);
     if left == 0u {
       break;

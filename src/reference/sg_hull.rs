@@ -18,7 +18,7 @@ const BELOW_HORIZON: f64 = 0.5;
 const NARROW: u32 = 4;
 
 /// Pixels of a rectangle up to which light is gathered at each of them.
-const TINY_AREA: u32 = 4;
+const TINY_AREA: u32 = 8;
 
 /// Radians below which a segment's normals are one.
 const FLAT_SPREAD: f32 = 0.003;

@@ -123,6 +123,8 @@ pub struct SgHullView {
     size: SgHullSize,
     receivers: Receivers,
     segment_of: Buffer,
+    /// Pixels that are another surface than their texel's middle.
+    others: Buffer,
     segments: Buffer,
     vertices: Buffer,
     /// `Gathering`s: the vertices to gather at.
@@ -167,6 +169,7 @@ impl SgHullView {
     pub fn memory_bytes(&self) -> u64 {
         plane_bytes(TextureFormat::Rgba32Uint, self.receivers.size, 1)
             + self.segment_of.size()
+            + self.others.size()
             + self.segments.size()
             + self.vertices.size()
             + self.list.size()
@@ -229,7 +232,10 @@ impl SgHull {
             binding::layout(device, LABEL, stages, entries)
         };
         let list = |entries: &[(u32, BindingType)]| [&shared[..], entries].concat();
-        let segment_layout = layout(compute, &list(&[(2, WRITE), (3, WRITE), (4, WRITE)]));
+        let segment_layout = layout(
+            compute,
+            &list(&[(2, WRITE), (3, WRITE), (4, WRITE), (5, WRITE)]),
+        );
         let plan_layout = layout(compute, &[(0, UNIFORM), (1, WRITE), (2, WRITE)]);
         let read = [(2, READ), (3, READ), (4, READ)];
         let place_layout = layout(
@@ -414,14 +420,12 @@ impl SgHull {
         let buffer =
             |label, bytes, usage| storage(device, label, bytes, usage | BufferUsages::COPY_SRC);
         let none = BufferUsages::empty();
+        let pixels = 4 * u64::from(size.width) * u64::from(size.height);
         Ok(SgHullView {
             size,
             receivers: Receivers::new(device, [size.width, size.height])?,
-            segment_of: buffer(
-                "deep-screen-space hull pixels",
-                4 * u64::from(size.width) * u64::from(size.height),
-                none,
-            )?,
+            segment_of: buffer("deep-screen-space hull pixels", pixels, none)?,
+            others: buffer("deep-screen-space hull others", pixels, none)?,
             segments: buffer(
                 "deep-screen-space hull segments",
                 capacity * size_of::<HullSegment>() as u64,
@@ -478,7 +482,10 @@ impl SgHull {
             (3, whole(&hull.segments)),
             (4, whole(&hull.counts)),
         ];
-        let segment = group(&self.segment_layout, &buffers);
+        let segment = group(
+            &self.segment_layout,
+            &[&buffers[..], &[(5, whole(&hull.others))]].concat(),
+        );
         let plan = binding::group(
             device,
             LABEL,

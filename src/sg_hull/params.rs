@@ -14,15 +14,15 @@ pub struct SgHullParams {
     pub(crate) capacity: u32,
     pub(crate) grid: [u32; 2],
     pub(crate) tiles: [u32; 2],
-    pub(crate) step: [u32; 2],
+    pub(crate) f0: [f32; 3],
+    pub(crate) texel: u32,
     pub(crate) exact_room: u32,
     pub(crate) misfit: f32,
     pub(crate) plane_distance: f32,
     pub(crate) gap: f32,
     pub(crate) normal_cosine: f32,
     pub(crate) quad: u32,
-    pub(crate) f0: [f32; 3],
-    pub(crate) padding: u32,
+    padding: [u32; 2],
 }
 
 impl SgHullParams {
@@ -40,15 +40,15 @@ impl SgHullParams {
             capacity: size.capacity(),
             grid: size.texels(),
             tiles: size.tiles(),
-            step: size.step(),
+            f0: settings.f0,
+            texel: size.texel(),
             exact_room: size.exact,
             misfit: settings.misfit.min(f32::MAX),
             plane_distance: settings.plane_distance,
             gap: settings.gap,
             normal_cosine: cosine,
             quad: settings.quad,
-            f0: settings.f0,
-            padding: 0,
+            padding: [0; 2],
         }
     }
 }
@@ -90,7 +90,7 @@ pub struct HullVertex {
     /// What the lobe of each channel adds to the irradiance of a surface with the vertex's normal that is not there.
     pub excess: [f32; 3],
     /// The vertex that the light was gathered at: this one, or one at the same corner of a neighbour on the same surface,
-    /// or the first of a segment of four pixels or fewer, which has no light either: that is gathered at the pixels. Moments
+    /// or the first of a segment of eight pixels or fewer, which has no light either: that is gathered at the pixels. Moments
     /// and excess are 0 where it is another.
     pub owner: u32,
     /// What a surface with the segment's mean normal receives at the corner, whoever owns it, W/m².

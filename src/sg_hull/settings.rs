@@ -22,12 +22,12 @@ pub struct SgHullSize {
     pub width: u32,
     /// Height of it.
     pub height: u32,
-    /// Texels a side of the grid that is segmented, 32…4096, no more than the viewport's own pixels. A tile has 32 × 32 of
-    /// them. The paper has 1024; half of it takes half the time or less, since what a texel stands for is still looked at
-    /// pixel by pixel. Default 512.
+    /// Texels along the longer side of the grid that is segmented, at most, 32…4096. They are squares of whole pixels, no
+    /// smaller than one; a tile has 32 × 32 of them. The paper has 1024. Default 640:
+    /// texels of 2 pixels at 1280x720, of 6 at 3840x2400.
     pub grid: u32,
-    /// Segments that there is room for besides one a tile, up to 2^20. With the default quads a picture is 16384 of them,
-    /// and as many again with fine geometry. 468 bytes each. What finds no room goes, with the rest of its tile, to one segment, and is counted
+    /// Segments that there is room for besides one a tile, up to 2^20. With the default quads a picture of 16:9 is 14400 of
+    /// them, and as many again with fine geometry. 468 bytes each. What finds no room goes, with the rest of its tile, to one segment, and is counted
     /// ([`SgHullCounts`](crate::SgHullCounts)). Default 65536.
     pub segments: u32,
     /// Pixels that there is room for whose light is gathered at each of them ([`SgHullSettings::misfit`]), 1…2^23, 16 bytes
@@ -47,7 +47,7 @@ impl SgHullSize {
         Self {
             width,
             height,
-            grid: 512,
+            grid: 640,
             segments: 65536,
             exact: match width.saturating_mul(height) {
                 0 => 1,
@@ -91,18 +91,14 @@ impl SgHullSize {
         )
     }
 
-    /// Texels of the grid.
-    pub(crate) fn texels(&self) -> [u32; 2] {
-        [self.width, self.height].map(|n| n.min(self.grid))
+    /// Side of a texel in pixels, 1 to 256.
+    pub(crate) fn texel(&self) -> u32 {
+        self.width.max(self.height).div_ceil(self.grid)
     }
 
-    /// Pixels a texel in units of 2^-16, rounded up: the last texel ends at the last pixel.
-    pub(crate) fn step(&self) -> [u32; 2] {
-        let [x, y] = self.texels();
-        [
-            (self.width << 16).div_ceil(x),
-            (self.height << 16).div_ceil(y),
-        ]
+    /// Texels of the grid.
+    pub(crate) fn texels(&self) -> [u32; 2] {
+        [self.width, self.height].map(|n| n.div_ceil(self.texel()))
     }
 
     /// Tiles of the grid.
@@ -122,10 +118,10 @@ impl SgHullSize {
 pub struct SgHullSettings {
     /// Side of the largest quad in texels of the grid: 4, 8, 16 or 32. The paper has 32 of 1024, a whole tile, 1/32 of the
     /// picture; half of it takes four times the vertices and leaves a quarter of the error where light varies smoothly.
-    /// Default 4: 1/128 of the picture.
+    /// Default 4: 1/160 of the picture.
     pub quad: u32,
     /// How far a pixel may lie off its neighbour's tangent plane to be one surface with it, in widths of the view at their
-    /// distance, above 0. Smaller follows finer relief with more quads. Default 0.004: two texels of 512.
+    /// distance, above 0. Smaller follows finer relief with more quads. Default 0.004: two and a half texels of 640.
     pub plane_distance: f32,
     /// How far apart along the camera's axis neighbours on one plane may be to be one surface, in widths of the view at
     /// their distance, above 0. Default 0.1.
@@ -136,7 +132,9 @@ pub struct SgHullSettings {
     /// How far a quad's light may be off before it is gathered at each of its pixels, in mean irradiances of the picture, 0
     /// or more. It is judged by how far the corners' irradiances lie apart, asked for one normal, and by how far the quad's
     /// normals do. At 0 all pixels are: the picture is the truth, as slow as the truth. Infinite: only quads of last
-    /// resort are. Default 0.3.
+    /// resort and tiny ones are. Default 0.4: over five of the crate's scenes at 1280x720 (`cargo bench --bench sg_hull`) the
+    /// RMSE is at most 1.5 % of the mean at 0.2, 2.0 at 0.3, 2.5 at 0.4, 2.8 at 0.5 and 4.0 at 0.7, where at most 11, 9, 8, 7
+    /// and 5 % of the pixels are gathered each for itself.
     pub misfit: f32,
     /// Reflectance of glossy surfaces seen straight on, linear RGB, 0…1, as
     /// [`HitReconstructorSettings::f0`](crate::HitReconstructorSettings::f0); of use with
@@ -152,7 +150,7 @@ impl Default for SgHullSettings {
             plane_distance: 0.004,
             gap: 0.1,
             normal_angle: 0.25,
-            misfit: 0.3,
+            misfit: 0.4,
             f0: [0.04; 3],
         }
     }

@@ -14,8 +14,10 @@ struct Params {
   // Texels of the grid that is segmented, and its tiles.
   grid: vec2u,
   tiles: vec2u,
-  // Pixels a texel, times 2^16, rounded up.
-  step: vec2u,
+  // Reflectance of glossy surfaces seen straight on.
+  f0: vec3f,
+  // Side of a texel in pixels.
+  texel: u32,
   // Pixels that there is room for to be gathered each for itself.
   exact_room: u32,
   // From which misfit on, in the picture's mean irradiances, a quad's pixels are.
@@ -26,8 +28,6 @@ struct Params {
   normal_cosine: f32,
   // Side of the largest segment in texels: a power of two up to a tile's.
   quad: u32,
-  // Reflectance of glossy surfaces seen straight on.
-  f0: vec3f,
 }
 
 // Pixels of a tile that lie on one surface.
@@ -76,7 +76,7 @@ struct Gathering {
 const SKY_PIXEL: u32 = 0xffffffffu;
 const UNASSIGNED: u32 = 0xfffffffeu;
 // Pixels of a rectangle up to which light is gathered at each of them.
-const TINY_AREA: u32 = 4u;
+const TINY_AREA: u32 = 8u;
 // Radians, a little above what packing does to a normal.
 const FLAT_SPREAD: f32 = 0.003;
 
@@ -92,10 +92,16 @@ fn segment_slot(params: Params, counted: u32, i: u32) -> u32 {
   return select(limit + (i - regular), i, i < regular);
 }
 
-// As many corners as pixels, or nearly: gathering at the pixels costs no more, and is exact. Most of what is thin is such.
+// Half as many corners as pixels, or more: a corner's light costs what that of two pixels does, as lobes come with it, and
+// gathering at the pixels is exact. Most of what is thin is such.
 fn is_tiny(segment: Segment) -> bool {
   let size = segment.rect.zw - segment.rect.xy;
   return size.x * size.y <= TINY_AREA;
+}
+
+// Whether all pixels can be gathered each for itself, and with them those of tiny segments.
+fn has_room(params: Params) -> bool {
+  return params.exact_room >= params.camera.viewport.z * params.camera.viewport.w;
 }
 
 // Whether a segment's pixels have one normal: irradiance itself is interpolated then.
@@ -113,16 +119,30 @@ fn relative(params: Params, texel: vec4u) -> vec3f {
   return receiver_position(texel) - params.camera.eye;
 }
 
+// What decides whether a pixel is one surface with another.
+struct Facet {
+  // Relative to the camera's eye.
+  position: vec3f,
+  normal: vec3f,
+  // Side of the view at it.
+  extent: f32,
+}
+
+fn facet(params: Params, texel: vec4u) -> Facet {
+  let p = relative(params, texel);
+  return Facet(p, unpack_normal(texel.w), view_width(params, p));
+}
+
 // Whether two pixels are one surface: alike in normal, each close to the other's tangent plane, and no gap between them.
 // Oblique planes are one whatever the step in depth from pixel to pixel, which is what a threshold on depth alone splits.
-fn similar(params: Params, a: vec4u, b: vec4u) -> bool {
-  let p = relative(params, a);
-  let q = relative(params, b);
-  let d = q - p;
-  let n = unpack_normal(a.w);
-  let m = unpack_normal(b.w);
-  let extent = min(view_width(params, p), view_width(params, q));
-  return dot(n, m) >= params.normal_cosine
-    && max(abs(dot(n, d)), abs(dot(m, d))) <= params.plane_distance * extent
+fn alike(params: Params, a: Facet, b: Facet) -> bool {
+  let d = b.position - a.position;
+  let extent = min(a.extent, b.extent);
+  return dot(a.normal, b.normal) >= params.normal_cosine
+    && max(abs(dot(a.normal, d)), abs(dot(b.normal, d))) <= params.plane_distance * extent
     && abs(dot(params.along, d)) <= params.gap * extent;
+}
+
+fn similar(params: Params, a: vec4u, b: vec4u) -> bool {
+  return alike(params, facet(params, a), facet(params, b));
 }
