@@ -164,7 +164,11 @@ fn run(options: &Options) -> Result<(), String> {
     let mut rows = Vec::new();
     for size in sizes {
         for scene in &scenes {
-            let views = if options.quick { Some(1) } else { options.views };
+            let views = if options.quick {
+                Some(1)
+            } else {
+                options.views
+            };
             let views = views.map_or(scene.views.len(), |most| most.min(scene.views.len()));
             for view in 0..views {
                 let stage =

@@ -145,8 +145,14 @@ impl SoftShadows {
         ];
         let is_hard = usize::from(settings.extent == 0.0);
         let has_one_map = usize::from(input.map.cameras.len() == 1);
-        self.kernels[is_hard][has_one_map]
-            .record(device, encoder, resources, work, viewport, input.timestamps);
+        self.kernels[is_hard][has_one_map].record(
+            device,
+            encoder,
+            resources,
+            work,
+            viewport,
+            input.timestamps,
+        );
         Ok(())
     }
 }
