@@ -108,36 +108,53 @@ impl SoftShadows<'_> {
                 0.0
             },
         };
-        // Off the surface, and as far to the light.
-        let side = seen.normal + seen.arrival.to_light;
-        let look_up = |point| self.map.look_up(point, side);
-        let middle = self.gap(&seen, look_up(seen.point));
         if settings.extent == 0.0 {
-            return f64::from(u8::from(middle.is_none()));
+            return f64::from(u8::from(!self.is_hidden(&seen, seen.point)));
         }
+        let Some(width) = self.width_at(&seen) else {
+            return 1.0;
+        };
+        f64::from(self.lit_of(&seen, width)) / f64::from(settings.samples)
+    }
+
+    fn look_up(&self, seen: &Seen, point: DVec3) -> Option<LookUp> {
+        // Off the surface, and as far to the light.
+        self.map.look_up(point, seen.normal + seen.arrival.to_light)
+    }
+
+    fn is_hidden(&self, seen: &Seen, point: DVec3) -> bool {
+        self.look_up(seen, point)
+            .is_some_and(|found| self.map.is_hidden(&found))
+    }
+
+    /// Half width of a pixel's penumbra; `None` where nothing blocks the light.
+    fn width_at(&self, seen: &Seen) -> Option<f64> {
+        let settings = self.settings;
+        let middle = self.gap(seen, self.look_up(seen, seen.point));
         let mut gaps: Vec<f64> = middle.into_iter().collect();
         for i in 0..settings.blockers {
             let offset =
                 f64::from(settings.max_penumbra) * spiral(i, settings.blockers, 1.0, seen.turn);
-            let found = self.gap(&seen, look_up(self.beside(&seen, offset)));
+            let found = self.gap(seen, self.look_up(seen, self.beside(seen, offset)));
             gaps.extend(
-                found.filter(|&gap| gap > 0.0 && offset.length() <= self.penumbra(&seen, gap)),
+                found.filter(|&gap| gap > 0.0 && offset.length() <= self.penumbra(seen, gap)),
             );
         }
-        if gaps.is_empty() {
-            return 1.0;
-        }
-        let mean = gaps.iter().sum::<f64>() / gaps.len() as f64;
+        let mean = gaps.iter().sum::<f64>() / gaps.len().max(1) as f64;
         let width = self
-            .penumbra(&seen, mean)
+            .penumbra(seen, mean)
             .max(self.map.texel_side(seen.point));
-        let visible = (0..settings.samples)
-            .filter(|&i| {
-                let offset = width * spiral(i, settings.samples, 0.5, seen.turn);
-                let found = look_up(self.beside(&seen, offset));
-                !found.is_some_and(|f| self.map.is_hidden(&f))
-            })
-            .count();
-        visible as f64 / f64::from(settings.samples)
+        (!gaps.is_empty()).then_some(width)
+    }
+
+    /// How many of the samples are lit.
+    fn lit_of(&self, seen: &Seen, width: f64) -> u32 {
+        let is_lit = |i| {
+            let offset = width * spiral(i, self.settings.samples, 0.5, seen.turn);
+            !self.is_hidden(seen, self.beside(seen, offset))
+        };
+        (0..self.settings.samples)
+            .map(|i| u32::from(is_lit(i)))
+            .sum()
     }
 }

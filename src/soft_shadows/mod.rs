@@ -35,6 +35,9 @@ const LABEL: &str = "deep-screen-space soft shadows";
 /// It is a picture of one depth: what a blocker hides of blockers behind it counts for nothing, and a penumbra of
 /// several is that of their mean. The cosine of the light's direction and a spot's cone are not in it.
 ///
+/// [`SoftShadowsSettings::samples`] are looked up for those pixels alone that something blocks the light of; the
+/// invocations of a workgroup share them.
+///
 /// Holds pipelines only; one serves any number of views.
 #[derive(Debug)]
 pub struct SoftShadows {
