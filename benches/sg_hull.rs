@@ -176,7 +176,7 @@ fn measure(
         off.ratio,
         off.ssim,
         counts.vertices(),
-        counts.gathered,
+        counts.gathered + 5 * counts.splits,
         counts.fallback_pixels,
     );
     serde_json::json!({
@@ -192,7 +192,8 @@ fn measure(
         "ratio_p9999": off.ratio,
         "ssim": off.ssim,
         "vertices": counts.vertices(),
-        "gathered": counts.gathered,
+        "gathered": counts.gathered + 5 * counts.splits,
+        "splits": counts.splits,
         "exact": exact,
         "uncovered": uncovered,
         "fallback_pixels": counts.fallback_pixels,

@@ -257,10 +257,10 @@ fn structs_match_the_shaders() {
         size_of::<DiskParams>(),
     );
     let hull = fields!(SgHullParams: camera, along, capacity, grid, tiles, f0, texel, exact_room, misfit, plane_distance, gap,
-        normal_cosine, quad);
+        normal_cosine, quad, split_room);
     let segment = fields!(HullSegment: rect, nearest, farthest, anchor, normal, spread);
     let counts = fields!(SgHullCounts: segments, fallbacks, fallback_pixels, gathered, draw, misfits, exact_pixels,
-        mean_irradiance, points);
+        mean_irradiance, splits, points, parts, round, padding);
     let vertex = fields!(HullVertex: position, depth, red, green, blue, excess, owner, irradiance);
     for stage in [
         "sg_hull_place",
@@ -299,7 +299,7 @@ fn structs_match_the_shaders() {
     let first = |count: usize| &counts[..count];
     check(&ao, "sg_hull_segment", "AtomicCounters", first(3), 12);
     check(&ao, "sg_hull_place", "PlaceCounters", first(5), 32);
-    check(&ao, "sg_hull_judge", "JudgeCounters", first(8), 48);
+    check(&ao, "sg_hull_judge", "JudgeCounters", first(9), 48);
     for stage in [
         "sg_hull_segment",
         "sg_hull_plan",

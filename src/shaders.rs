@@ -170,6 +170,7 @@ pub fn shaders(effect: &Effect) -> Result<Vec<Shader>, Error> {
         (HullStage::Plan, "sg_hull_plan"),
         (HullStage::Place, "sg_hull_place"),
         (HullStage::Judge, "sg_hull_judge"),
+        (HullStage::Split, "sg_hull_split"),
     ] {
         all.push(shader(
             name,

@@ -5,7 +5,8 @@
 // of them with unit length. Where a quad has one normal, what is to be had of the lobes is known at the corners: irradiance
 // itself is interpolated, which is cheaper and does not bend between them.
 //
-// @group(0) @binding(0) params, 1 receivers, 2 the segment of each pixel, 3 segments, 4 counters, 5 vertices, 6 albedo, 7 roughness
+// @group(0) @binding(0) params, 1 receivers, 2 the segment of each pixel, 3 segments, 4 counters, 5 vertices, 6 albedo, 7
+// roughness; without GLOSSY 8 parts of quads
 
 #import sg_hull
 #import spherical_gaussian
@@ -26,6 +27,9 @@
 #endif
 #if GLOSSY
 @group(0) @binding(7) var roughness_texture: texture_2d<f32>;
+#else
+#import sg_hull_split
+@group(0) @binding(8) var<storage, read> parts: array<Part>;
 #endif
 
 struct Corner {
@@ -48,13 +52,11 @@ struct FlatCorner {
 #endif
 }
 
-// Where a corner is in the picture. Those of quads that are not to be drawn are all in one point.
-fn clip_position(segment: Segment, corner: u32, depth: f32, drawn: bool) -> vec4f {
-  let edge = vec2u(select(segment.rect.x, segment.rect.z, (corner & 1u) != 0u),
-    select(segment.rect.y, segment.rect.w, (corner & 2u) != 0u));
+// Where a point between pixels is in the picture. Corners of quads that are not to be drawn are all in one point.
+fn clip_position(edge: vec2u, depth: f32, farthest: f32, drawn: bool) -> vec4f {
   let ndc = vec2f(edge) / vec2f(params.camera.viewport.zw) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
   // Only its ratio to the other corners' counts.
-  let w = select(1.0, clamp(depth / max(segment.farthest, 1e-30), 1e-6, 1.0), params.camera.perspective != 0u);
+  let w = select(1.0, clamp(depth / max(farthest, 1e-30), 1e-6, 1.0), params.camera.perspective != 0u);
   return select(vec4f(0.0, 0.0, 0.0, 1.0), vec4f(ndc * w, 0.5 * w, w), drawn);
 }
 
@@ -68,7 +70,8 @@ fn corner(@builtin(vertex_index) corner: u32, @builtin(instance_index) i: u32) -
   let slot = segment_slot(params, counters.segments, i);
   let segment = segments[slot];
   let vertex = vertices[i * 4u + corner];
-  let clip = clip_position(segment, corner, vertex.depth, is_drawn(segment, slot) && !is_flat(segment));
+  let clip = clip_position(edge_of(segment.rect.xy, segment.rect.zw, corner), vertex.depth, segment.farthest,
+    is_drawn(segment, slot) && !is_flat(segment));
   let light = vertices[vertex.owner];
   return Corner(clip, slot, light.red, light.green, light.blue, light.excess);
 }
@@ -78,7 +81,8 @@ fn flat_corner(@builtin(vertex_index) corner: u32, @builtin(instance_index) i: u
   let slot = segment_slot(params, counters.segments, i);
   let segment = segments[slot];
   let vertex = vertices[i * 4u + corner];
-  let clip = clip_position(segment, corner, vertex.depth, is_drawn(segment, slot) && is_flat(segment));
+  let clip = clip_position(edge_of(segment.rect.xy, segment.rect.zw, corner), vertex.depth, segment.farthest,
+    is_drawn(segment, slot) && is_flat(segment));
 #if GLOSSY
   let light = vertices[vertex.owner];
   return FlatCorner(clip, slot, vertex.irradiance, light.red, light.green, light.blue);
@@ -86,6 +90,18 @@ fn flat_corner(@builtin(vertex_index) corner: u32, @builtin(instance_index) i: u
   return FlatCorner(clip, slot, vertex.irradiance);
 #endif
 }
+
+#if GLOSSY
+#else
+@vertex
+fn part_corner(@builtin(vertex_index) corner: u32, @builtin(instance_index) i: u32) -> FlatCorner {
+  let part = parts[i];
+  var corners = part.corners;
+  let farthest = max(max(corners[0].w, corners[1].w), max(corners[2].w, corners[3].w));
+  let edge = edge_of(unpack_pixel(part.low), unpack_pixel(part.high), corner);
+  return FlatCorner(clip_position(edge, corners[corner].w, farthest, true), part.slot, corners[corner].xyz);
+}
+#endif
 
 fn pixel_of(fragment: vec4f) -> vec2u {
   return min(vec2u(fragment.xy) - params.camera.viewport.xy, params.camera.viewport.zw - 1u);

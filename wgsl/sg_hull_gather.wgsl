@@ -1,18 +1,20 @@
-// Light at the hull's vertices that are listed.
+// Light at the hull's vertices that are listed, and at the points of a round of splits.
 //
-// @group(0) @binding(0) params, 1 counters, 2 the list, 3 vertices
+// @group(0) @binding(0) params, 1 counters, 2 the list, 3 vertices, 4 the splits
 // @group(1) what the gatherer binds
 
 #import sg_hull
 #import dispatch
 #import lobes
 #import sg_hull_vertex
+#import sg_hull_split
 #import gatherer
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> counters: Counters;
 @group(0) @binding(2) var<storage, read> list: array<Gathering>;
 @group(0) @binding(3) var<storage, read_write> vertices: array<HullVertex>;
+@group(0) @binding(4) var<storage, read_write> splits: array<Split>;
 
 // What one lobe gets wrong of the irradiance of a surface with the vertex's normal, which is known. Without this a floor
 // that light grazes would be lit by what a broad lobe has above the horizon.
@@ -40,4 +42,16 @@ fn gather_vertices(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invoc
   vertices[index].excess = vec3f(excess(red, n, sum.irradiance.x), excess(green, n, sum.irradiance.y),
     excess(blue, n, sum.irradiance.z));
   vertices[index].irradiance = select(vec3f(0.0), sum.irradiance, is_finite3(sum.irradiance));
+}
+
+@compute @workgroup_size(64)
+fn gather_points(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) thread: u32) {
+  let k = linear_workgroup(workgroup) * 64u + thread;
+  let i = counters.round.x + k / SPLIT_POINTS;
+  if i >= counters.round.y {
+    return;
+  }
+  let here = splits[i].points[k % SPLIT_POINTS];
+  let irradiance = gather(here.position, unpack_normal(here.normal), 0u, 1u).irradiance;
+  splits[i].points[k % SPLIT_POINTS].irradiance = select(vec3f(0.0), irradiance, is_finite3(irradiance));
 }

@@ -1,15 +1,18 @@
-// Quads that do not fit what they stand for, and their pixels, whose light is gathered for each of them (src/sg_hull).
+// Quads that do not fit what they stand for, which are split (wgsl/sg_hull_split.wgsl) or gathered at each of their pixels, and
+// these pixels (src/sg_hull).
 //
 // A quad does not fit where its corners disagree about the light on the segment, as beside a source or at the edge of one,
 // where its normals lie so far off each other that one lobe is not enough, where it is of last resort, and where it is tiny.
 //
 // @group(0) @binding(0) params, 2 the segment of each pixel, 3 segments, 4 counters, 5 vertices, 6 the list of vertices, 7
-// that of quads, 8 that of pixels
+// that of quads, 8 that of pixels, 9 the splits
 
 #import sg_hull
 #import dispatch
 #import spherical_gaussian
 #import sg_hull_vertex
+#import sg_hull_split
+#import sg_hull_misfit
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(2) var<storage, read> segment_of: array<u32>;
@@ -17,9 +20,10 @@
 @group(0) @binding(4) var<storage, read_write> counters: JudgeCounters;
 @group(0) @binding(5) var<storage, read_write> vertices: array<HullVertex>;
 @group(0) @binding(6) var<storage, read> list: array<Gathering>;
-@group(0) @binding(7) var<storage, read_write> misfits: array<u32>;
+@group(0) @binding(7) var<storage, read_write> misfits: array<Misfit>;
 // The light, and the pixel's number.
 @group(0) @binding(8) var<storage, read_write> exact: array<vec4u>;
+@group(0) @binding(9) var<storage, read_write> splits: array<Split>;
 
 // The first of Counters.
 struct JudgeCounters {
@@ -31,17 +35,10 @@ struct JudgeCounters {
   misfits: atomic<u32>,
   exact_pixels: atomic<u32>,
   mean_irradiance: f32,
+  splits: atomic<u32>,
 }
-
-// Of a misfit in units of the dimmest corner, and what counts as dark, in mean irradiances.
-const RELATIVE_SHARE: f32 = 0.15;
-const DIMMEST: f32 = 0.02;
 
 var<workgroup> sums: array<f32, 256>;
-
-fn average(color: vec3f) -> f32 {
-  return (color.x + color.y + color.z) / 3.0;
-}
 
 @compute @workgroup_size(256)
 fn mean(@builtin(local_invocation_index) thread: u32) {
@@ -65,9 +62,8 @@ fn mean(@builtin(local_invocation_index) thread: u32) {
 }
 
 // How far a quad's light may be off, in mean irradiances: how far its corners lie apart, each asked for a surface with the
-// segment's normal, which is kept; a share of that in units of the dimmest corner, since what is twice as bright as it
-// should be is seen in the dark as well; and half of what normals as far apart as the segment's change where all light
-// comes from aside.
+// segment's normal, which is kept; and a third of what normals as far apart as the segment's change where all light comes from
+// aside.
 fn misfit_of(segment: Segment, i: u32) -> f32 {
   let n = unpack_normal(segment.normal);
   var least = MAX_F32;
@@ -83,10 +79,8 @@ fn misfit_of(segment: Segment, i: u32) -> f32 {
     most = max(most, found);
     light += 0.25 * average(vec3f(vertex.red.w, vertex.green.w, vertex.blue.w));
   }
-  let scale = max(counters.mean_irradiance, 1e-30);
-  let apart = most - least;
-  let relative_to_least = RELATIVE_SHARE * apart / (least + DIMMEST * scale);
-  return max(max(apart, 0.5 * segment.spread * light) / scale, relative_to_least);
+  let mean = counters.mean_irradiance;
+  return max(relative_misfit(most - least, least, mean), 0.3 * segment.spread * light / max(mean, 1e-30));
 }
 
 @compute @workgroup_size(64)
@@ -99,9 +93,26 @@ fn judge(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_inde
   let segment = segments[slot];
   // No number is no fit.
   let fits = misfit_of(segment, i) < params.misfit;
-  if !fits || slot >= first_fallback(params) || is_tiny(segment) {
-    misfits[atomicAdd(&counters.misfits, 1u)] = slot;
+  let by_pixels = slot >= first_fallback(params) || is_tiny(segment);
+  if fits && !by_pixels {
+    return;
   }
+  let low = segment.rect.xy;
+  let high = segment.rect.zw;
+  // What is to fit without any misfit is not to be had of corners.
+  if !by_pixels && is_flat(segment) && can_be_split(low, high) && params.split_room > 0u && params.misfit > 0.0 {
+    let split = atomicAdd(&counters.splits, 1u);
+    if split < params.split_room {
+      var whole = Part(pack_pixel(low), pack_pixel(high), slot, 0u, array<vec4f, 4>());
+      for (var corner = 0u; corner < 4u; corner++) {
+        let vertex = vertices[i * 4u + corner];
+        whole.corners[corner] = vec4f(vertex.irradiance, vertex.depth);
+      }
+      splits[split].whole = whole;
+      return;
+    }
+  }
+  misfits[atomicAdd(&counters.misfits, 1u)] = Misfit(slot, pack_pixel(low), pack_pixel(high), 0u);
 }
 
 @compute @workgroup_size(64)
@@ -111,12 +122,12 @@ fn list_pixels(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocatio
   if k >= count {
     return;
   }
-  let slot = misfits[k];
-  let segment = segments[slot];
-  let size = segment.rect.zw - segment.rect.xy;
+  let misfit = misfits[k];
+  let low = unpack_pixel(misfit.low);
+  let size = unpack_pixel(misfit.high) - low;
   for (var j = thread; j < size.x * size.y; j += 64u) {
-    let pixel = (segment.rect.y + j / size.x) * params.camera.viewport.z + segment.rect.x + j % size.x;
-    if segment_of[pixel] == slot {
+    let pixel = (low.y + j / size.x) * params.camera.viewport.z + low.x + j % size.x;
+    if segment_of[pixel] == misfit.slot {
       let at = atomicAdd(&counters.exact_pixels, 1u);
       if at < params.exact_room {
         exact[at] = vec4u(0u, 0u, 0u, pixel);

@@ -8,6 +8,7 @@
 #import dispatch
 #import spherical_gaussian
 #import sg_hull_vertex
+#import sg_hull_corner
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var receivers: texture_2d<u32>;
@@ -29,64 +30,10 @@ struct PlaceCounters {
 var<workgroup> listed: atomic<u32>;
 var<workgroup> first: u32;
 
-// Pixels across below which a segment is a sliver.
-const NARROW: u32 = 4u;
-
-struct Place {
-  // Relative to the camera's eye.
-  position: vec3f,
-  normal: vec3f,
-  // Whether it is a pixel of the segment.
-  on_surface: bool,
-}
-
-fn pixel_at(number: u32) -> vec2u {
-  return vec2u(number % params.camera.viewport.z, number / params.camera.viewport.z);
-}
-
-// Where a vertex lies: where the ray through the corner meets the plane of the corner's pixel if that is the segment's own,
-// and the segment's plane otherwise, within the range of its depth. The paper takes the middle of that range, which no
-// plane that is seen obliquely goes through; and a pixel's own point is half a pixel off, which neighbours cannot share. Of a
-// sliver, often a ledge seen edge-on, half a pixel on is elsewhere: there it is the pixel's own.
+// A corner's place: by its pixel in the segment's rectangle.
 fn place(segment: Segment, id: u32, corner: u32) -> Place {
-  let width = params.camera.viewport.z;
-  let edge = vec2u(select(segment.rect.x, segment.rect.z, (corner & 1u) != 0u),
-    select(segment.rect.y, segment.rect.w, (corner & 2u) != 0u));
-  let pixel = vec2u(select(edge.x, edge.x - 1u, (corner & 1u) != 0u), select(edge.y, edge.y - 1u, (corner & 2u) != 0u));
-  let own = segment_of[pixel.y * width + pixel.x] == id;
-  // The ray through the corner, as a function of the depth along the axis.
-  let ndc = vec2f(edge) / vec2f(params.camera.viewport.zw) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
-  let far_point = params.camera.unproject * vec4f(ndc, 0.0, 1.0);
-  var base = vec3f(0.0);
-  var direction = params.along;
-  if params.camera.perspective != 0u {
-    let ray = normalize_or(far_point.xyz, params.along);
-    direction = ray / max(dot(ray, params.along), 1e-6);
-  } else {
-    let p = far_point.xyz / far_point.w;
-    base = p - direction * dot(direction, p);
-  }
-  let texel = textureLoad(receivers, select(pixel_at(segment.anchor), pixel, own), 0);
-  let normal = unpack_normal(select(segment.normal, texel.w, own));
-  let narrow = min(segment.rect.z - segment.rect.x, segment.rect.w - segment.rect.y);
-  if own && narrow < NARROW {
-    return Place(relative(params, texel), normal, true);
-  }
-  let toward = dot(normal, direction);
-  var depth = 0.5 * (segment.nearest + segment.farthest);
-  if abs(toward) > 1e-6 * length(direction) {
-    depth = dot(normal, relative(params, texel) - base) / toward;
-  }
-  var least = segment.nearest;
-  var most = segment.farthest;
-  if own {
-    // Half a pixel along a plane changes the depth by no more than this.
-    let half_pixel = 0.5 * (most - least) / f32(narrow);
-    let middle = dot(params.along, relative(params, texel));
-    least = middle - min(half_pixel, 0.5 * abs(middle));
-    most = middle + half_pixel;
-  }
-  return Place(base + direction * clamp(depth, least, most), normal, own);
+  let edge = edge_of(segment.rect.xy, segment.rect.zw, corner);
+  return place_at(segment, id, edge, edge - vec2u(corner & 1u, corner >> 1u));
 }
 
 // A segment that has a pixel as its corner, and what the pixel is.
@@ -129,8 +76,7 @@ fn meeting(point: vec2u, k: u32) -> Meeting {
 // The vertex that gathers for a corner that is a pixel of its segment: of those that meet in its point, the first that is
 // one surface with it and gathers itself. All that meet there decide alike.
 fn owner_of(segment: Segment, corner: u32, vertex: u32) -> u32 {
-  let point = vec2u(select(segment.rect.x, segment.rect.z, (corner & 1u) != 0u),
-    select(segment.rect.y, segment.rect.w, (corner & 2u) != 0u));
+  let point = edge_of(segment.rect.xy, segment.rect.zw, corner);
   let own = 3u - corner;
   var met: array<Meeting, 4>;
   for (var k = 0u; k <= own; k++) {

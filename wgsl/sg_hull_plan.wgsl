@@ -4,6 +4,7 @@
 
 #import sg_hull
 #import dispatch
+#import sg_hull_split
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> counters: Counters;
@@ -34,7 +35,21 @@ fn plan_judge() {
   dispatch = groups_of(counters.draw.y, 64u);
 }
 
-// A workgroup a quad.
+// A thread a point of the splits that there are since the last round.
+@compute @workgroup_size(1)
+fn plan_points() {
+  counters.round = vec2u(counters.round.y, min(counters.splits, params.split_room));
+  counters.parts = vec4u(4u, counters.parts.y, 0u, 0u);
+  dispatch = groups_of(SPLIT_POINTS * (counters.round.y - counters.round.x), 64u);
+}
+
+// A thread a split of the round.
+@compute @workgroup_size(1)
+fn plan_divide() {
+  dispatch = groups_of(counters.round.y - counters.round.x, 64u);
+}
+
+// A workgroup a quad, or a part of one.
 @compute @workgroup_size(1)
 fn plan_list() {
   dispatch = groups_of(counters.misfits, 1u);

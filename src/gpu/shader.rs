@@ -76,6 +76,18 @@ const COMMON: &[(&str, &str)] = &[
     ("lobes", include_str!("../../wgsl/common/lobes.wgsl")),
     ("sg_hull", include_str!("../../wgsl/common/sg_hull.wgsl")),
     (
+        "sg_hull_corner",
+        include_str!("../../wgsl/common/sg_hull_corner.wgsl"),
+    ),
+    (
+        "sg_hull_split",
+        include_str!("../../wgsl/common/sg_hull_split.wgsl"),
+    ),
+    (
+        "sg_hull_misfit",
+        include_str!("../../wgsl/common/sg_hull_misfit.wgsl"),
+    ),
+    (
         "sg_hull_vertex",
         include_str!("../../wgsl/common/sg_hull_vertex.wgsl"),
     ),

@@ -1,4 +1,4 @@
-//! Mirror of `wgsl/sg_hull*.wgsl` and `wgsl/common/lobes.wgsl`: components by an exact flood fill, vertices, and shading.
+//! Mirror of `wgsl/sg_hull*.wgsl` and `wgsl/common/lobes.wgsl`: components by an exact flood fill, vertices, splits, and shading.
 
 use std::f64::consts::PI;
 
@@ -24,8 +24,15 @@ const TINY_AREA: u32 = 8;
 const FLAT_SPREAD: f32 = 0.003;
 
 /// Of a misfit in units of the dimmest corner, and what counts as dark, in mean irradiances.
-const RELATIVE_SHARE: f64 = 0.15;
-const DIMMEST: f64 = 0.02;
+const RELATIVE_SHARE: f64 = 0.2;
+const DIMMEST: f64 = 0.005;
+
+/// Pixels across from which on a part is split rather than gathered at each of its pixels.
+const SPLIT_SIDE: u32 = 4;
+
+/// How much a whole's being off at a part's points, and its corners' being apart, count as a misfit of the part.
+const OFF_SHARE: f64 = 3.0;
+const APART_SHARE: f64 = 0.25;
 
 /// Whether light is gathered at each pixel of a segment whatever the settings, and at none of its corners.
 pub fn is_tiny(segment: &HullSegment) -> bool {
@@ -162,17 +169,32 @@ impl Hull<'_> {
         segment_of: &[u32],
         corner: u32,
     ) -> Option<(DVec3, DVec3)> {
-        let [width, height] = self.size();
-        let [left, top, right, bottom] = segment.rect;
-        let anchor = self.receivers[segment.anchor as usize]?;
         if is_tiny(segment) {
+            let anchor = self.receivers[segment.anchor as usize]?;
             return Some((anchor.position, anchor.normal));
         }
+        let [left, top, right, bottom] = segment.rect;
         let edge = [
             [left, right][(corner & 1) as usize],
             [top, bottom][(corner >> 1) as usize],
         ];
         let pixel = [edge[0] - (corner & 1), edge[1] - (corner >> 1)];
+        self.place_at(segment, id, segment_of, edge, pixel)
+    }
+
+    /// Where a point between pixels gathers its light, and the normal that it gathers for: by a pixel beside it if that is the
+    /// segment's own.
+    pub fn place_at(
+        &self,
+        segment: &HullSegment,
+        id: u32,
+        segment_of: &[u32],
+        edge: [u32; 2],
+        pixel: [u32; 2],
+    ) -> Option<(DVec3, DVec3)> {
+        let [width, height] = self.size();
+        let [left, top, right, bottom] = segment.rect;
+        let anchor = self.receivers[segment.anchor as usize]?;
         let at = (pixel[1] * width + pixel[0]) as usize;
         let own = segment_of[at] == id;
         let narrow = (right - left).min(bottom - top);
@@ -210,6 +232,78 @@ impl Hull<'_> {
         }
         Some((base + direction * depth.clamp(nearest, farthest), normal))
     }
+
+    /// What becomes of a part that does not fit: parts that do, and rectangles whose pixels are gathered each for itself. `gather` is
+    /// irradiance at a point relative to the eye, for a normal; `bound` is [`SgHullSettings::misfit`].
+    pub fn split(
+        &self,
+        (segment, id, segment_of): (&HullSegment, u32, &[u32]),
+        whole: &Part,
+        (mean, bound): (f64, f64),
+        gather: &dyn Fn(DVec3, DVec3) -> DVec3,
+        found: &mut Vec<(Part, Fit)>,
+    ) -> Option<()> {
+        let [left, top, right, bottom] = segment.rect;
+        let (low, high) = (whole.low, whole.high);
+        let middle = [0, 1].map(|i| u32::midpoint(low[i], high[i]));
+        let mut lattice = [(DVec3::ZERO, 0.0); 9];
+        let mut off = [0.0_f64; 9];
+        for (k, corner) in whole.corners.iter().enumerate() {
+            lattice[(k & 1) * 2 + (k >> 1) * 6] = *corner;
+        }
+        for place in [1, 3, 4, 5, 7] {
+            let edge = [
+                [low[0], middle[0], high[0]][place % 3],
+                [low[1], middle[1], high[1]][place / 3],
+            ];
+            let mut pixel = [edge[0].min(right - 1), edge[1].min(bottom - 1)];
+            for j in 1..4 {
+                let other = [
+                    edge[0].saturating_sub(j & 1).clamp(left, right - 1),
+                    edge[1].saturating_sub(j >> 1).clamp(top, bottom - 1),
+                ];
+                if segment_of[(other[1] * self.size()[0] + other[0]) as usize] == id {
+                    pixel = other;
+                }
+            }
+            let (position, normal) = self.place_at(segment, id, segment_of, edge, pixel)?;
+            let right = gather(position, normal);
+            lattice[place] = (right, self.camera.axis().dot(position));
+            let at = edge.map(f64::from);
+            let apart = (average(whole.shown(self.camera, at)) - average(right)).abs();
+            off[place] = relative_misfit(OFF_SHARE * apart, average(right), mean);
+        }
+        for k in 0..4 {
+            let (column, row) = (k & 1, k >> 1);
+            let places = [0, 1, 3, 4].map(|place| column + 3 * row + place);
+            let part = Part {
+                low: [[low[0], middle[0]][column], [low[1], middle[1]][row]],
+                high: [[middle[0], high[0]][column], [middle[1], high[1]][row]],
+                corners: places.map(|place| lattice[place]),
+            };
+            let light = part.corners.map(|(light, _)| average(light));
+            let least = light.iter().copied().fold(f64::INFINITY, f64::min);
+            let apart = light.iter().copied().fold(0.0, f64::max) - least;
+            let misfit = places.iter().fold(
+                relative_misfit(APART_SHARE * apart, least, mean),
+                |most, place| off[*place].max(most),
+            );
+            if misfit < bound {
+                found.push((part, Fit::Quad));
+            } else if part.can_be_split() {
+                self.split(
+                    (segment, id, segment_of),
+                    &part,
+                    (mean, bound),
+                    gather,
+                    found,
+                )?;
+            } else {
+                found.push((part, Fit::Pixels));
+            }
+        }
+        Some(())
+    }
 }
 
 /// A corner's moments and excess, and its depth along the axis (1 for an orthographic camera).
@@ -230,35 +324,117 @@ impl Corner {
     }
 }
 
+/// A part of a flat quad that does not fit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Part {
+    /// The first pixel.
+    pub low: [u32; 2],
+    /// The one past the last.
+    pub high: [u32; 2],
+    /// Irradiance at the corners, rows from the top, and how far along the camera's axis they are.
+    pub corners: [(DVec3, f64); 4],
+}
+
+/// What becomes of a part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fit {
+    /// It is drawn.
+    Quad,
+    /// Light is gathered at its pixels.
+    Pixels,
+}
+
+impl Part {
+    /// All of a segment's rectangle.
+    pub fn whole(segment: &HullSegment, corners: &[Corner; 4]) -> Self {
+        let [left, top, right, bottom] = segment.rect;
+        let normal = unpack_normal(segment.normal);
+        Self {
+            low: [left, top],
+            high: [right, bottom],
+            corners: corners.map(|corner| (corner.irradiance(normal), corner.depth)),
+        }
+    }
+
+    /// Whether it is wide enough.
+    pub fn can_be_split(&self) -> bool {
+        (0..2).all(|i| self.high[i] - self.low[i] >= SPLIT_SIDE)
+    }
+
+    /// Whether it has a pixel.
+    pub fn contains(&self, pixel: [u32; 2]) -> bool {
+        (0..2).all(|i| (self.low[i]..self.high[i]).contains(&pixel[i]))
+    }
+
+    /// Irradiance as a rasteriser interpolates it at a point of the picture, pixels.
+    pub fn shown(&self, camera: &Camera, at: [f64; 2]) -> DVec3 {
+        let depths = self.corners.map(|(_, depth)| depth);
+        let farthest = depths.iter().copied().fold(0.0, f64::max);
+        let depths = if camera.is_perspective() {
+            depths
+        } else {
+            [farthest; 4]
+        };
+        let weights = weights_between(self.low, self.high, depths, farthest, at);
+        let terms = self.corners.iter().zip(weights);
+        terms.map(|((light, _), w)| *light * w).sum()
+    }
+}
+
+fn average(color: DVec3) -> f64 {
+    color.element_sum() / 3.0
+}
+
+/// Of a difference where the dimmest light is `least`, in units of the picture's mean irradiance.
+fn relative_misfit(apart: f64, least: f64, mean: f64) -> f64 {
+    let scale = mean.max(1e-30);
+    (apart / scale).max(RELATIVE_SHARE * apart / (least + DIMMEST * scale))
+}
+
 /// How far the light of a quad that is neither tiny nor of last resort may be off, in units of the picture's mean irradiance.
 pub fn misfit(segment: &HullSegment, corners: &[Corner; 4], mean: f64) -> f64 {
     let normal = unpack_normal(segment.normal);
-    let found = corners.map(|corner| corner.irradiance(normal).element_sum() / 3.0);
+    let found = corners.map(|corner| average(corner.irradiance(normal)));
     let least = found.iter().copied().fold(f64::INFINITY, f64::min);
     let apart = found.iter().copied().fold(0.0, f64::max) - least;
     let totals = corners
         .iter()
         .flat_map(|corner| corner.moments.map(|m| m.total));
     let light = totals.sum::<f64>() / 12.0;
-    let scale = mean.max(1e-30);
-    let relative_to_least = RELATIVE_SHARE * apart / (least + DIMMEST * scale);
-    (apart.max(0.5 * f64::from(segment.spread) * light) / scale).max(relative_to_least)
+    let spread = 0.3 * f64::from(segment.spread) * light / mean.max(1e-30);
+    relative_misfit(apart, least, mean).max(spread)
 }
 
 /// How much each corner counts at a pixel, as a rasteriser interpolates them.
 fn weights(segment: &HullSegment, corners: &[Corner; 4], pixel: [u32; 2]) -> [f64; 4] {
-    let rect = segment.rect;
-    let at = |i: usize| {
-        (f64::from(pixel[i]) + 0.5 - f64::from(rect[i])) / f64::from(rect[i + 2] - rect[i])
-    };
-    let (u, v) = (at(0), at(1));
+    let [left, top, right, bottom] = segment.rect;
+    let depths = corners.map(|corner| corner.depth);
+    let at = pixel.map(|x| f64::from(x) + 0.5);
+    weights_between(
+        [left, top],
+        [right, bottom],
+        depths,
+        f64::from(segment.farthest),
+        at,
+    )
+}
+
+/// Of the corners of a rectangle drawn as two triangles.
+fn weights_between(
+    low: [u32; 2],
+    high: [u32; 2],
+    depths: [f64; 4],
+    farthest: f64,
+    at: [f64; 2],
+) -> [f64; 4] {
+    let [u, v] = [0, 1].map(|i| (at[i] - f64::from(low[i])) / f64::from(high[i] - low[i]));
     let flat = if u + v <= 1.0 {
         [1.0 - u - v, u, v, 0.0]
     } else {
         [0.0, 1.0 - v, 1.0 - u, u + v - 1.0]
     };
-    let farthest = f64::from(segment.farthest).max(1e-30);
-    let weights = [0, 1, 2, 3].map(|i| flat[i] / (corners[i].depth / farthest).clamp(1e-6, 1.0));
+    let farthest = farthest.max(1e-30);
+    let weights = [0, 1, 2, 3].map(|i| flat[i] / (depths[i] / farthest).clamp(1e-6, 1.0));
     let total: f64 = weights.iter().sum();
     weights.map(|w| w / total)
 }

@@ -9,8 +9,8 @@ pub(crate) mod surfels;
 use glam::DVec3;
 use wgpu::{
     BindGroup, BindGroupLayout, BindingResource, BindingType, Buffer, BufferUsages, CommandEncoder,
-    ComputePipeline, Device, PipelineCache, RenderPipeline, ShaderStages, TextureFormat,
-    TextureUsages, TextureView,
+    ComputePass, ComputePipeline, Device, PipelineCache, RenderPipeline, ShaderStages,
+    TextureFormat, TextureUsages, TextureView,
 };
 
 pub use self::params::{HullSegment, HullVertex, SgHullCounts};
@@ -37,8 +37,8 @@ const LABEL: &str = "deep-screen-space hull";
 ///
 /// The cost of a [`Gatherer`] is paid at some thousand vertices whatever the resolution, and each pixel's own normal still
 /// shades it. Light has to vary little over a quad, and to be told by one lobe a colour channel where normals vary. Quads
-/// where it is not so are found ([`SgHullSettings::misfit`]), and light is gathered at each of their pixels: cost grows with
-/// fine shadows, thin things and relief, rather than error. What is lit from more than 30° below the plane of its quad's
+/// where it is not so are found ([`SgHullSettings::misfit`]) and split, or light is gathered at each of their pixels: cost
+/// grows with fine shadows, thin things and relief, rather than error. What is lit from more than 30° below the plane of its quad's
 /// corners, and shows in none of them, is not found.
 ///
 /// # Glossy surfaces
@@ -64,7 +64,7 @@ const LABEL: &str = "deep-screen-space hull";
 /// high one the Gaussian, which has not GGX's tails, and Fresnel's factor at grazing views. Directional light is
 /// off by the Gaussian alone.
 ///
-/// Quads are not judged by it: where it varies within one, [`SgHullSettings::misfit`] finds what the diffuse light betrays.
+/// Quads are not judged by it, and not split but gathered at each pixel: where it varies within one, [`SgHullSettings::misfit`] finds what the diffuse light betrays.
 /// That of 0 has light gathered at each pixel, for both lobes. At a roughness of 0.2 the picture of a colonnade is 3.9 % off
 /// the one gathered at every pixel, and 1.1 % without gloss (`cargo run --example hull -- colonnade 320x240 --glossy 0.2`).
 ///
@@ -79,13 +79,14 @@ pub struct SgHull {
     place_layout: BindGroupLayout,
     gather_layout: BindGroupLayout,
     judge_layout: BindGroupLayout,
+    split: Option<SplitPipelines>,
     pixels_layout: BindGroupLayout,
     shade_layout: BindGroupLayout,
     exact_layout: BindGroupLayout,
     points_layout: BindGroupLayout,
     receivers: ReceiversPass,
     segment: ComputePipeline,
-    plans: [ComputePipeline; 5],
+    plans: [ComputePipeline; 7],
     place: ComputePipeline,
     gather: ComputePipeline,
     mean: ComputePipeline,
@@ -97,6 +98,17 @@ pub struct SgHull {
     clear_sky: RenderPipeline,
     points: RenderPipeline,
     exact: RenderPipeline,
+}
+
+/// What splits quads that do not fit: without gloss, of which parts know nothing.
+#[derive(Debug)]
+struct SplitPipelines {
+    layout: BindGroupLayout,
+    gather_layout: BindGroupLayout,
+    place: ComputePipeline,
+    gather: ComputePipeline,
+    divide: ComputePipeline,
+    draw: RenderPipeline,
 }
 
 /// What a [`SgHull`] is compiled for.
@@ -129,7 +141,11 @@ pub struct SgHullView {
     vertices: Buffer,
     /// `Gathering`s: the vertices to gather at.
     list: Buffer,
-    /// Quads that do not fit.
+    /// Quads that do not fit, and parts of them, to be split in four.
+    splits: Buffer,
+    /// Parts that fit.
+    parts: Buffer,
+    /// Quads and parts whose light is gathered at each pixel.
     misfits: Buffer,
     /// Their pixels.
     exact: Buffer,
@@ -173,6 +189,8 @@ impl SgHullView {
             + self.segments.size()
             + self.vertices.size()
             + self.list.size()
+            + self.splits.size()
+            + self.parts.size()
             + self.misfits.size()
             + self.exact.size()
             + self.counts.size()
@@ -254,12 +272,12 @@ impl SgHull {
                 (6, READ),
                 (7, WRITE),
                 (8, WRITE),
+                (9, WRITE),
             ],
         );
-        let shade_layout = layout(
-            drawing,
-            &with_surface([&list(&read)[..], &[(5, READ)]].concat()),
-        );
+        let mut shading = with_surface([&list(&read)[..], &[(5, READ)]].concat());
+        shading.extend((!glossy).then_some((8, READ)));
+        let shade_layout = layout(drawing, &shading);
         let exact_layout = layout(fragment, &with_surface(shared.to_vec()));
         // Points are drawn with irradiance, or with what is reflected where that is more than albedo times irradiance.
         let mut pixels = list(&[(2, READ), (3, WRITE)]);
@@ -299,9 +317,6 @@ impl SgHull {
             .create(device)
         };
         let propagate = f64::from(u8::from(components == Components::Propagation));
-        let with_gatherer = |layout| -> Vec<&BindGroupLayout> {
-            [layout].into_iter().chain(&gatherer.layout).collect()
-        };
         let draw = |module: &wgpu::ShaderModule,
                     [vertex, fragment]: [&str; 2],
                     topology,
@@ -321,14 +336,56 @@ impl SgHull {
             .create(device)
         };
         let shade_module = module(HullStage::Shade)?;
+        let gather_module = module(HullStage::Gather)?;
         let plan_module = module(HullStage::Plan)?;
         let judge_module = module(HullStage::Judge)?;
         let exact_module = module(HullStage::Exact)?;
-        let (strip, list, points) = (
+        let (strip, triangles, points) = (
             wgpu::PrimitiveTopology::TriangleStrip,
             wgpu::PrimitiveTopology::TriangleList,
             wgpu::PrimitiveTopology::PointList,
         );
+        let split = if glossy {
+            None
+        } else {
+            let module = module(HullStage::Split)?;
+            let layout = layout(
+                compute,
+                &list(&[
+                    (2, READ),
+                    (3, READ),
+                    (4, WRITE),
+                    (5, WRITE),
+                    (6, WRITE),
+                    (7, WRITE),
+                ]),
+            );
+            let gather_layout = binding::layout(
+                device,
+                LABEL,
+                compute,
+                &[(0, UNIFORM), (1, READ), (4, WRITE)],
+            );
+            Some(SplitPipelines {
+                place: kernel(&module, "place_points", &[&layout], &[]),
+                gather: kernel(
+                    &gather_module,
+                    "gather_points",
+                    &with_gatherer(gatherer, &gather_layout),
+                    &constants,
+                ),
+                divide: kernel(&module, "divide", &[&layout], &[]),
+                draw: draw(
+                    &shade_module,
+                    ["part_corner", "shade_flat"],
+                    strip,
+                    &[&shade_layout],
+                    &[],
+                ),
+                layout,
+                gather_layout,
+            })
+        };
         let judging = |entry| kernel(&judge_module, entry, &[&judge_layout], &[]);
         Ok(Self {
             target,
@@ -349,9 +406,9 @@ impl SgHull {
                 &[],
             ),
             gather: kernel(
-                &module(HullStage::Gather)?,
+                &gather_module,
                 "gather_vertices",
-                &with_gatherer(&gather_layout),
+                &with_gatherer(gatherer, &gather_layout),
                 &constants,
             ),
             mean: judging("mean"),
@@ -360,7 +417,7 @@ impl SgHull {
             pixels: kernel(
                 &exact_module,
                 "gather_pixels",
-                &with_gatherer(&pixels_layout),
+                &with_gatherer(gatherer, &pixels_layout),
                 &constants,
             ),
             shade: draw(
@@ -380,7 +437,7 @@ impl SgHull {
             clear_sky: draw(
                 &shade_module,
                 ["cover", "clear_sky"],
-                list,
+                triangles,
                 &[&shade_layout],
                 &[],
             ),
@@ -394,8 +451,8 @@ impl SgHull {
             exact: draw(
                 &exact_module,
                 ["cover", "exact"],
-                list,
-                &with_gatherer(&exact_layout),
+                triangles,
+                &with_gatherer(gatherer, &exact_layout),
                 &constants,
             ),
             segment_layout,
@@ -403,6 +460,7 @@ impl SgHull {
             place_layout,
             gather_layout,
             judge_layout,
+            split,
             pixels_layout,
             shade_layout,
             exact_layout,
@@ -417,6 +475,11 @@ impl SgHull {
     pub fn create_view(&self, device: &Device, size: SgHullSize) -> Result<SgHullView, Error> {
         size.validate()?;
         let capacity = u64::from(size.capacity());
+        let splits = if self.split.is_some() {
+            u64::from(size.splits)
+        } else {
+            0
+        };
         let buffer =
             |label, bytes, usage| storage(device, label, bytes, usage | BufferUsages::COPY_SRC);
         let none = BufferUsages::empty();
@@ -437,7 +500,21 @@ impl SgHull {
                 none,
             )?,
             list: buffer("deep-screen-space hull list", 4 * capacity * 8, none)?,
-            misfits: buffer("deep-screen-space hull misfits", capacity * 4, none)?,
+            splits: buffer(
+                "deep-screen-space hull splits",
+                splits.max(1) * SPLIT_BYTES,
+                none,
+            )?,
+            parts: buffer(
+                "deep-screen-space hull parts",
+                4 * splits.max(1) * PART_BYTES,
+                none,
+            )?,
+            misfits: buffer(
+                "deep-screen-space hull misfits",
+                (capacity + 4 * splits) * MISFIT_BYTES,
+                none,
+            )?,
             exact: buffer(
                 "deep-screen-space hull exact",
                 u64::from(size.exact) * 16,
@@ -486,7 +563,7 @@ impl SgHull {
             &self.segment_layout,
             &[&buffers[..], &[(5, whole(&hull.others))]].concat(),
         );
-        let plan = binding::group(
+        let plan_group = binding::group(
             device,
             LABEL,
             &self.plan_layout,
@@ -515,6 +592,7 @@ impl SgHull {
             (6, whole(&hull.list)),
             (7, whole(&hull.misfits)),
             (8, whole(&hull.exact)),
+            (9, whole(&hull.splits)),
         ];
         let judge = alone(
             &self.judge_layout,
@@ -533,31 +611,67 @@ impl SgHull {
         pass.set_pipeline(&self.segment);
         pass.set_bind_group(0, &segment, &[]);
         pass.dispatch_workgroups(columns, rows, 1);
-        for (next, kernel, group) in [
-            (Plan::Vertices, &self.place, &place),
-            (Plan::Gather, &self.gather, &gather),
-            (Plan::Judge, &self.judge, &judge),
-            (Plan::List, &self.list, &judge),
-            (Plan::Pixels, &self.pixels, &pixels),
-        ] {
-            if matches!(next, Plan::Judge) {
-                pass.set_pipeline(&self.mean);
-                pass.set_bind_group(0, &judge, &[]);
+        let run =
+            |pass: &mut ComputePass<'_>, plan: Plan, kernels: &[(&ComputePipeline, &BindGroup)]| {
+                pass.set_pipeline(&self.plans[plan as usize]);
+                pass.set_bind_group(0, &plan_group, &[]);
                 pass.dispatch_workgroups(1, 1, 1);
+                for (kernel, group) in kernels {
+                    pass.set_pipeline(kernel);
+                    pass.set_bind_group(0, *group, &[]);
+                    if let Some(lights) = input.gather {
+                        pass.set_bind_group(1, lights, &[]);
+                    }
+                    pass.dispatch_workgroups_indirect(&hull.dispatch, 0);
+                }
+            };
+        run(&mut pass, Plan::Vertices, &[(&self.place, &place)]);
+        run(&mut pass, Plan::Gather, &[(&self.gather, &gather)]);
+        pass.set_pipeline(&self.mean);
+        pass.set_bind_group(0, &judge, &[]);
+        pass.dispatch_workgroups(1, 1, 1);
+        run(&mut pass, Plan::Judge, &[(&self.judge, &judge)]);
+        if let Some(split) = &self.split {
+            let points = group(
+                &split.layout,
+                &[
+                    &buffers[..],
+                    &[
+                        (5, whole(&hull.splits)),
+                        (6, whole(&hull.parts)),
+                        (7, whole(&hull.misfits)),
+                    ],
+                ]
+                .concat(),
+            );
+            let light = alone(
+                &split.gather_layout,
+                &[
+                    (0, whole(&params)),
+                    (1, whole(&hull.counts)),
+                    (4, whole(&hull.splits)),
+                ],
+            );
+            for _ in 0..split_rounds(settings, &hull.size) {
+                run(
+                    &mut pass,
+                    Plan::Points,
+                    &[(&split.place, &points), (&split.gather, &light)],
+                );
+                run(&mut pass, Plan::Divide, &[(&split.divide, &points)]);
             }
-            pass.set_pipeline(&self.plans[next as usize]);
-            pass.set_bind_group(0, &plan, &[]);
-            pass.dispatch_workgroups(1, 1, 1);
-            pass.set_pipeline(kernel);
-            pass.set_bind_group(0, group, &[]);
-            if let Some(lights) = input.gather {
-                pass.set_bind_group(1, lights, &[]);
-            }
-            pass.dispatch_workgroups_indirect(&hull.dispatch, 0);
+            // The parts that the last round found.
+            run(&mut pass, Plan::Points, &[]);
         }
+        run(&mut pass, Plan::List, &[(&self.list, &judge)]);
+        run(&mut pass, Plan::Pixels, &[(&self.pixels, &pixels)]);
         drop(pass);
 
-        let shade = group(&self.shade_layout, &[vertices, surface].concat());
+        let parts = self.split.as_ref().map(|_| (8, whole(&hull.parts)));
+        let shade = group(
+            &self.shade_layout,
+            &[vertices, surface, parts.into_iter().collect()].concat(),
+        );
         let points = alone(&self.points_layout, &points);
         let mut pass = screen::begin(
             encoder,
@@ -575,6 +689,13 @@ impl SgHull {
             pass.draw_indirect(
                 &hull.counts,
                 std::mem::offset_of!(SgHullCounts, draw) as u64,
+            );
+        }
+        if let Some(split) = &self.split {
+            pass.set_pipeline(&split.draw);
+            pass.draw_indirect(
+                &hull.counts,
+                std::mem::offset_of!(SgHullCounts, parts) as u64,
             );
         }
         pass.set_bind_group(0, &points, &[]);
@@ -698,7 +819,17 @@ impl SgHull {
         let params = uniform(
             device,
             LABEL,
-            &SgHullParams::new(settings, &hull.size, input.camera, input.origin),
+            &SgHullParams::new(
+                settings,
+                &hull.size,
+                input.camera,
+                input.origin,
+                if self.split.is_some() {
+                    hull.size.splits
+                } else {
+                    0
+                },
+            ),
         );
         let albedo = input.gbuffer.albedo.filter(|_| albedo);
         let surface = [
@@ -709,21 +840,51 @@ impl SgHull {
     }
 }
 
+/// The layouts of a pipeline that gathers.
+fn with_gatherer<'a>(
+    gatherer: &'a Gatherer,
+    layout: &'a BindGroupLayout,
+) -> Vec<&'a BindGroupLayout> {
+    [layout].into_iter().chain(&gatherer.layout).collect()
+}
+
+/// Bytes of `Split`, `Part` (`wgsl/common/sg_hull_split.wgsl`) and `Misfit` (`wgsl/common/sg_hull.wgsl`).
+const SPLIT_BYTES: u64 = 240;
+const PART_BYTES: u64 = 80;
+const MISFIT_BYTES: u64 = 16;
+
+/// Rounds until no part of a quad is wide enough to be split.
+fn split_rounds(settings: &SgHullSettings, size: &SgHullSize) -> u32 {
+    const SPLIT_SIDE: u32 = 4;
+    // Pixels of a texel beside a quad's own may be of its segment.
+    let mut side = (settings.quad + 2) * size.texel();
+    let mut rounds = 0;
+    while side >= SPLIT_SIDE {
+        side = side.div_ceil(2);
+        rounds += 1;
+    }
+    rounds
+}
+
 /// The kernels of `wgsl/sg_hull_plan.wgsl`, by what they plan.
 #[derive(Clone, Copy, Debug)]
 enum Plan {
     Vertices,
     Gather,
     Judge,
+    Points,
+    Divide,
     List,
     Pixels,
 }
 
 impl Plan {
-    const ALL: [Self; 5] = [
+    const ALL: [Self; 7] = [
         Self::Vertices,
         Self::Gather,
         Self::Judge,
+        Self::Points,
+        Self::Divide,
         Self::List,
         Self::Pixels,
     ];
@@ -733,6 +894,8 @@ impl Plan {
             Self::Vertices => "plan_vertices",
             Self::Gather => "plan_gather",
             Self::Judge => "plan_judge",
+            Self::Points => "plan_points",
+            Self::Divide => "plan_divide",
             Self::List => "plan_list",
             Self::Pixels => "plan_pixels",
         }
@@ -747,6 +910,7 @@ pub(crate) enum HullStage {
     Place,
     Gather,
     Judge,
+    Split,
     Shade,
     Exact,
 }
@@ -777,6 +941,10 @@ pub(crate) fn source(
         HullStage::Judge => (
             "sg_hull_judge",
             include_str!("../../wgsl/sg_hull_judge.wgsl"),
+        ),
+        HullStage::Split => (
+            "sg_hull_split",
+            include_str!("../../wgsl/sg_hull_split.wgsl"),
         ),
         HullStage::Gather => (
             "sg_hull_gather",

@@ -22,7 +22,8 @@ pub struct SgHullParams {
     pub(crate) gap: f32,
     pub(crate) normal_cosine: f32,
     pub(crate) quad: u32,
-    padding: [u32; 2],
+    pub(crate) split_room: u32,
+    padding: u32,
 }
 
 impl SgHullParams {
@@ -31,6 +32,7 @@ impl SgHullParams {
         size: &SgHullSize,
         camera: &Camera,
         origin: DVec3,
+        split_room: u32,
     ) -> Self {
         // Rounding must not cut a plane.
         let cosine = (settings.normal_angle.cos() - 1e-4).max(-2.0);
@@ -48,7 +50,8 @@ impl SgHullParams {
             gap: settings.gap,
             normal_cosine: cosine,
             quad: settings.quad,
-            padding: [0; 2],
+            split_room,
+            padding: 0,
         }
     }
 }
@@ -113,16 +116,24 @@ pub struct SgHullCounts {
     pub gathered: u32,
     /// Arguments of the draw of quads: 4, quads, 0, 0.
     pub draw: [u32; 4],
-    /// Quads whose misfit reaches [`SgHullSettings::misfit`](crate::SgHullSettings::misfit), and those of last resort.
+    /// Quads, and parts of split ones, whose misfit reaches [`SgHullSettings::misfit`](crate::SgHullSettings::misfit) and that
+    /// are not split, tiny ones, and those of last resort.
     pub misfits: u32,
     /// Their pixels, whose light is gathered at each of them.
     pub exact_pixels: u32,
     /// The mean irradiance at the vertices, over colour channels as well, W/m².
     pub mean_irradiance: f32,
-    /// 0.
-    pub padding: u32,
-    /// Arguments of the draw of those pixels that found room: their number, 1, 0, 0.
+    /// Quads of one normal that do not fit, and parts of them, that are split in four, room or not
+    /// ([`SgHullSize::splits`](crate::SgHullSize::splits)). Light is gathered at five points of each.
+    pub splits: u32,
+    /// Arguments of the draw of the pixels that found room: their number, 1, 0, 0.
     pub points: [u32; 4],
+    /// Arguments of the draw of the parts that fit: 4, parts, 0, 0.
+    pub parts: [u32; 4],
+    /// The splits of the last round: the first, and the one past the last.
+    pub round: [u32; 2],
+    /// 0.
+    pub padding: [u32; 2],
 }
 
 impl SgHullCounts {
@@ -139,6 +150,11 @@ impl SgHullCounts {
     /// Pixels that were to be gathered each for itself and found no room: the hull shades them.
     pub fn exact_overflow(&self, size: &SgHullSize) -> u32 {
         self.exact_pixels.saturating_sub(size.exact)
+    }
+
+    /// Splits that found no room: their pixels are gathered each for itself.
+    pub fn split_overflow(&self, size: &SgHullSize) -> u32 {
+        self.splits.saturating_sub(size.splits)
     }
 
     /// Corners of the quads. Light is gathered at fewer points, as neighbours share theirs ([`HullVertex::owner`]).

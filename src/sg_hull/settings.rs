@@ -27,12 +27,16 @@ pub struct SgHullSize {
     /// texels of 2 pixels at 1280x720, of 6 at 3840x2400.
     pub grid: u32,
     /// Segments that there is room for besides one a tile, up to 2^20. With the default quads a picture of 16:9 is 14400 of
-    /// them, and as many again with fine geometry. 468 bytes each. What finds no room goes, with the rest of its tile, to one segment, and is counted
+    /// them, and as many again with fine geometry. 480 bytes each. What finds no room goes, with the rest of its tile, to one segment, and is counted
     /// ([`SgHullCounts`](crate::SgHullCounts)). Default 65536.
     pub segments: u32,
     /// Pixels that there is room for whose light is gathered at each of them ([`SgHullSettings::misfit`]), 1…2^23, 16 bytes
     /// each. The hull shades those that find none, and they are counted. Default: all, as far as the range goes.
     pub exact: u32,
+    /// Quads of one normal that do not fit, and parts of them, that there is room for to be split in four, 0…2^18, 624 bytes
+    /// each. The pixels of those that find none are gathered each for itself, and they are counted. Of no use, and not
+    /// allocated, with [`SgHullDescriptor::glossy`](crate::SgHullDescriptor::glossy). Default 32768.
+    pub splits: u32,
 }
 
 /// Largest room for pixels: a binding of 128 MiB.
@@ -54,6 +58,7 @@ impl SgHullSize {
                 pixels if pixels > MAX_EXACT => MAX_EXACT,
                 pixels => pixels,
             },
+            splits: 32768,
         }
     }
 
@@ -88,6 +93,12 @@ impl SgHullSize {
             "SgHullSize::exact",
             self.exact,
             "1 to 2^23",
+        )?;
+        check_setting(
+            self.splits <= 1 << 18,
+            "SgHullSize::splits",
+            self.splits,
+            "0 to 2^18",
         )
     }
 
@@ -129,12 +140,13 @@ pub struct SgHullSettings {
     /// The angle between neighbours' normals up to which they are one surface, radians, 0…π. Corners of rooms are cut
     /// where they are sharper: on either side light comes from another hemisphere. Default 0.25.
     pub normal_angle: f32,
-    /// How far a quad's light may be off before it is gathered at each of its pixels, in mean irradiances of the picture, 0
-    /// or more. It is judged by how far the corners' irradiances lie apart, asked for one normal, and by how far the quad's
-    /// normals do. At 0 all pixels are: the picture is the truth, as slow as the truth. Infinite: only quads of last
-    /// resort and tiny ones are. Default 0.4: over five of the crate's scenes at 1280x720 (`cargo bench --bench sg_hull`) the
-    /// RMSE is at most 1.5 % of the mean at 0.2, 2.0 at 0.3, 2.5 at 0.4, 2.8 at 0.5 and 4.0 at 0.7, where at most 11, 9, 8, 7
-    /// and 5 % of the pixels are gathered each for itself.
+    /// How far a quad's light may be off before it is split, in mean irradiances of the picture, 0 or more. It is judged by
+    /// how far the corners' irradiances lie apart, asked for one normal, and by how far the quad's normals do. A quad of one normal is
+    /// split in four, and its parts are judged by how far the light found between its corners is from what they had
+    /// told; of others, and of parts narrower than 4 pixels, light is gathered at each pixel. At 0 it is at all: the picture is
+    /// the truth, as slow as the truth. Infinite: only at those of quads of last resort and tiny ones. Default 0.3: over
+    /// five of the crate's scenes at 1280x720 (`cargo bench --bench sg_hull`) the RMSE is at most 2.3 % of the mean, and light
+    /// is gathered at 5 % of the pixels at most.
     pub misfit: f32,
     /// Reflectance of glossy surfaces seen straight on, linear RGB, 0…1, as
     /// [`HitReconstructorSettings::f0`](crate::HitReconstructorSettings::f0); of use with
@@ -150,7 +162,7 @@ impl Default for SgHullSettings {
             plane_distance: 0.004,
             gap: 0.1,
             normal_angle: 0.25,
-            misfit: 0.4,
+            misfit: 0.3,
             f0: [0.04; 3],
         }
     }

@@ -20,7 +20,7 @@ struct Params {
   texel: u32,
   // Pixels that there is room for to be gathered each for itself.
   exact_room: u32,
-  // From which misfit on, in the picture's mean irradiances, a quad's pixels are.
+  // From which misfit on, in the picture's mean irradiances, a quad is split, or its pixels are.
   misfit: f32,
   // When neighbours are one surface: in widths of the view at their distance, and as a cosine.
   plane_distance: f32,
@@ -28,6 +28,8 @@ struct Params {
   normal_cosine: f32,
   // Side of the largest segment in texels: a power of two up to a tile's.
   quad: u32,
+  // Parts of quads that there is room for to be split.
+  split_room: u32,
 }
 
 // Pixels of a tile that lie on one surface.
@@ -55,15 +57,30 @@ struct Counters {
   gathered: u32,
   // Arguments of an indirect draw: vertices, instances, first vertex, first instance.
   draw: vec4u,
-  // Quads whose pixels are gathered each for itself.
+  // Quads, and parts of them, whose pixels are gathered each for itself.
   misfits: u32,
   // Those pixels, room or not.
   exact_pixels: u32,
   // Of what arrives at the vertices, over colour channels as well.
   mean_irradiance: f32,
-  padding: u32,
+  // Quads, and parts of them, that are split in four, room or not.
+  splits: u32,
   // Arguments of the draw of those pixels, as points.
   points: vec4u,
+  // Arguments of the draw of the parts that fit.
+  parts: vec4u,
+  // The splits of the round: the first, and the one past the last.
+  round: vec2u,
+  padding: vec2u,
+}
+
+// Pixels to be gathered each for itself: those of a segment within a rectangle, its first pixel and the one past the last,
+// each x and 65536 y.
+struct Misfit {
+  slot: u32,
+  low: u32,
+  high: u32,
+  padding: u32,
 }
 
 // A vertex that light is gathered at, and the normal that it is gathered for, packed.
@@ -102,6 +119,19 @@ fn is_tiny(segment: Segment) -> bool {
 // Whether all pixels can be gathered each for itself, and with them those of tiny segments.
 fn has_room(params: Params) -> bool {
   return params.exact_room >= params.camera.viewport.z * params.camera.viewport.w;
+}
+
+// A corner of a rectangle, 0 to 3, rows from the top.
+fn edge_of(low: vec2u, high: vec2u, corner: u32) -> vec2u {
+  return select(low, high, vec2<bool>((corner & 1u) != 0u, (corner & 2u) != 0u));
+}
+
+fn pack_pixel(pixel: vec2u) -> u32 {
+  return pixel.x | (pixel.y << 16u);
+}
+
+fn unpack_pixel(bits: u32) -> vec2u {
+  return vec2u(bits & 0xffffu, bits >> 16u);
 }
 
 // Whether a segment's pixels have one normal: irradiance itself is interpolated then.
