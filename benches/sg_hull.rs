@@ -2,9 +2,9 @@
 //!
 //! `cargo bench --bench sg_hull [-- WIDTHxHEIGHT …] [--scene NAME …]` prints a table and writes
 //! `target/bench/sg_hull.json`: rows of scene, width, height, `per_pixel_ms`, `hull_ms`, speedup, `rel_rmse`, energy,
-//! `ratio_p9999`, `ssim`, vertices, gathered, exact (the share of pixels
-//! that are gathered each for itself), uncovered, `fallback_pixels`. `--misfit X` sets the bound. Without sizes those of the paper are taken, 1280x720 to 3840x2400; a software
-//! driver needs minutes for the largest.
+//! `ratio_p9999`, ssim, vertices, gathered (points that light is gathered at for quads and for their parts), splits, exact
+//! (the share of pixels that are gathered each for itself), uncovered, `fallback_pixels`. `--misfit X` sets the bound. Without
+//! sizes those of the paper are taken, 1280x720 to 3840x2400; a software driver needs minutes for the largest.
 
 #[path = "../examples/support/mod.rs"]
 mod support;
@@ -83,6 +83,9 @@ fn arguments() -> (Vec<[u32; 2]>, Vec<String>, SgHullSettings) {
             && let (Ok(w), Ok(h)) = (w.parse(), h.parse())
         {
             sizes.push([w, h]);
+        } else if argument != "--bench" {
+            eprintln!("{argument} is none of WIDTHxHEIGHT, --scene NAME and --misfit X");
+            std::process::exit(2);
         }
     }
     if sizes.is_empty() {

@@ -80,7 +80,7 @@ fn misfit_of(segment: Segment, i: u32) -> f32 {
     light += 0.25 * average(vec3f(vertex.red.w, vertex.green.w, vertex.blue.w));
   }
   let mean = counters.mean_irradiance;
-  return max(relative_misfit(most - least, least, mean), 0.3 * segment.spread * light / max(mean, 1e-30));
+  return relative_misfit(max(most - least, 0.3 * segment.spread * light), least, mean);
 }
 
 @compute @workgroup_size(64)

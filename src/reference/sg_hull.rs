@@ -401,8 +401,11 @@ pub fn misfit(segment: &HullSegment, corners: &[Corner; 4], mean: f64) -> f64 {
         .iter()
         .flat_map(|corner| corner.moments.map(|m| m.total));
     let light = totals.sum::<f64>() / 12.0;
-    let spread = 0.3 * f64::from(segment.spread) * light / mean.max(1e-30);
-    relative_misfit(apart, least, mean).max(spread)
+    relative_misfit(
+        apart.max(0.3 * f64::from(segment.spread) * light),
+        least,
+        mean,
+    )
 }
 
 /// How much each corner counts at a pixel, as a rasteriser interpolates them.
