@@ -32,6 +32,9 @@ fn main() -> Result<(), String> {
         }
         None => None,
     };
+    if let Some(option) = arguments.iter().find(|a| a.starts_with("--")) {
+        return Err(format!("there is no option {option}"));
+    }
     let name = arguments.first().map_or("colonnade", String::as_str);
     let scene = scenes::by_name(name).ok_or_else(|| format!("there is no scene {name}"))?;
     let size = arguments.get(1).map_or("960x540", String::as_str);

@@ -774,28 +774,65 @@ fn extreme_lights() {
     }
 }
 
+/// A scene drawn for a hull, and its lamp.
+struct Stage {
+    gpu: Gpu,
+    lamp: Lamp,
+    buffers: SceneBuffers,
+    camera: Camera,
+    raster: Raster,
+}
+
+type Picture = Vec<[f32; 4]>;
+
+impl Stage {
+    fn new(name: &str, size: [u32; 2]) -> Self {
+        let gpu = gpu();
+        let scene = scenes::by_name(name).expect("a scene");
+        let camera = camera_of(&scene, 0, size);
+        let buffers = SceneBuffers::new(&gpu, &scene);
+        Self {
+            lamp: Lamp::of(&scene),
+            raster: Raster::draw(&gpu, &buffers, &camera),
+            gpu,
+            buffers,
+            camera,
+        }
+    }
+
+    fn renderer(&self, size: SgHullSize) -> (HullRenderer, wgpu::BindGroup) {
+        let renderer = HullRenderer::new(&self.gpu, size, Components::default()).expect("it fits");
+        let lights = renderer
+            .lights(&self.gpu, &self.buffers, &self.lamp, self.camera.eye())
+            .expect("lights");
+        (renderer, lights)
+    }
+
+    fn picture(
+        &self,
+        renderer: &HullRenderer,
+        lights: &wgpu::BindGroup,
+    ) -> (Picture, SgHullCounts) {
+        let rendered = renderer.render(&self.gpu, &self.raster, &self.camera, lights);
+        (rendered.expect("a picture").1, renderer.counts(&self.gpu))
+    }
+
+    fn truth(&self, renderer: &HullRenderer, lights: &wgpu::BindGroup) -> Picture {
+        let rendered = renderer.render_exact(&self.gpu, &self.raster, &self.camera, lights);
+        rendered.expect("a picture").1
+    }
+}
+
 /// Against light gathered at every pixel. The bars are those for whole pictures; these are small ones, whose quads are
 /// as much coarser.
 #[test]
 fn picture_is_close_to_the_truth() {
-    let gpu = gpu();
-    let scene = scenes::cornell();
-    let camera = camera_of(&scene, 0, [256, 256]);
-    let buffers = SceneBuffers::new(&gpu, &scene);
-    let raster = Raster::draw(&gpu, &buffers, &camera);
-    let size = SgHullSize::new(256, 256);
-    let renderer = HullRenderer::new(&gpu, size, Components::default()).expect("it fits");
-    let lights = renderer
-        .lights(&gpu, &buffers, &Lamp::of(&scene), camera.eye())
-        .expect("lights");
-    let (_, found) = renderer
-        .render(&gpu, &raster, &camera, &lights)
-        .expect("a picture");
-    let (_, truth) = renderer
-        .render_exact(&gpu, &raster, &camera, &lights)
-        .expect("a picture");
+    let stage = Stage::new("cornell", [256, 256]);
+    let (renderer, lights) = stage.renderer(SgHullSize::new(256, 256));
+    let (found, counts) = stage.picture(&renderer, &lights);
+    let truth = stage.truth(&renderer, &lights);
     let off = difference(&found, &truth, 256);
-    println!("{off:?}, {:?}", renderer.counts(&gpu));
+    println!("{off:?}, {counts:?}");
     assert!(
         off.rmse < 0.03 && off.energy.abs() < 0.02 && off.ratio < 2.0,
         "{off:?}"
@@ -808,85 +845,59 @@ fn picture_is_close_to_the_truth() {
 /// find no room are shaded by the hull, tiny segments as well.
 #[test]
 fn misfit_converges() {
-    let gpu = gpu();
-    let scene = scenes::by_name("fence").expect("a scene");
-    let camera = camera_of(&scene, 0, [128, 96]);
-    let buffers = SceneBuffers::new(&gpu, &scene);
-    let raster = Raster::draw(&gpu, &buffers, &camera);
-    let size = SgHullSize::new(128, 96);
-    let mut renderer = HullRenderer::new(&gpu, size, Components::default()).expect("it fits");
-    let lights = renderer
-        .lights(&gpu, &buffers, &Lamp::of(&scene), camera.eye())
-        .expect("lights");
-    let (_, truth) = renderer
-        .render_exact(&gpu, &raster, &camera, &lights)
-        .expect("a picture");
-    let mut before = (f64::INFINITY, 0);
-    for misfit in [f32::INFINITY, 0.5, 0.1, 0.0] {
-        renderer.settings.misfit = misfit;
-        let (_, found) = renderer
-            .render(&gpu, &raster, &camera, &lights)
-            .expect("a picture");
-        let off = difference(&found, &truth, 128);
-        let counts = renderer.counts(&gpu);
-        println!("{misfit}: {off:?}, {} pixels", counts.exact_pixels);
-        assert!(
-            off.rmse < before.0 && counts.exact_pixels > before.1,
-            "{misfit}: {off:?} after {before:?}"
-        );
-        before = (off.rmse, counts.exact_pixels);
-    }
-    // Both gather alike; compilers may contract differently.
-    assert!(before.0 < 1e-5, "{before:?}");
+    for name in ["fence", "cornell"] {
+        let stage = Stage::new(name, [128, 96]);
+        let size = SgHullSize::new(128, 96);
+        let (mut renderer, lights) = stage.renderer(size);
+        let truth = stage.truth(&renderer, &lights);
+        let mut before = (f64::INFINITY, 0);
+        for misfit in [f32::INFINITY, 0.5, 0.1, 0.0] {
+            renderer.settings.misfit = misfit;
+            let (found, counts) = stage.picture(&renderer, &lights);
+            let off = difference(&found, &truth, 128);
+            println!("{name}, {misfit}: {off:?}, {} pixels", counts.exact_pixels);
+            assert!(
+                off.rmse < before.0 && counts.exact_pixels > before.1,
+                "{name}, {misfit}: {off:?} after {before:?}"
+            );
+            before = (off.rmse, counts.exact_pixels);
+        }
+        // Both gather alike; compilers may contract differently.
+        assert!(before.0 < 1e-5, "{name}: {before:?}");
 
-    let size = SgHullSize { exact: 50, ..size };
-    let mut few = HullRenderer::new(&gpu, size, Components::default()).expect("it fits");
-    few.settings.misfit = 0.0;
-    let (_, found) = few
-        .render(&gpu, &raster, &camera, &lights)
-        .expect("a picture");
-    let counts = few.counts(&gpu);
-    assert_eq!(counts.exact_overflow(&size), before.1 - 50, "{counts:?}");
-    assert_eq!(counts.points[0], 50, "{counts:?}");
-    let off = difference(&found, &truth, 128);
-    println!("50 pixels: {off:?}");
-    assert!(off.energy.abs() < 0.05, "{off:?}");
+        let size = SgHullSize { exact: 50, ..size };
+        let (mut few, lights) = stage.renderer(size);
+        few.settings.misfit = 0.0;
+        let (found, counts) = stage.picture(&few, &lights);
+        assert_eq!(counts.exact_overflow(&size), before.1 - 50, "{counts:?}");
+        assert_eq!(counts.points[0], 50, "{counts:?}");
+        let off = difference(&found, &truth, 128);
+        println!("{name}, 50 pixels: {off:?}");
+        assert!(off.energy.abs() < 0.05, "{name}: {off:?}");
+    }
 }
 
-/// A square light above a point, by the form factor of a parallel square.
 /// Splits that find no room have their pixels gathered: they cost more and err less.
 #[test]
 fn splits_without_room_are_pixels() {
-    let gpu = gpu();
-    let scene = scenes::cornell();
-    let camera = camera_of(&scene, 0, [256, 256]);
-    let buffers = SceneBuffers::new(&gpu, &scene);
-    let raster = Raster::draw(&gpu, &buffers, &camera);
-    let [many, none] = [32768, 2].map(|splits| {
+    let stage = Stage::new("cornell", [256, 256]);
+    let [many, few] = [32768, 2].map(|splits| {
         let size = SgHullSize {
             splits,
             ..SgHullSize::new(256, 256)
         };
-        let renderer = HullRenderer::new(&gpu, size, Components::default()).expect("it fits");
-        let lights = renderer
-            .lights(&gpu, &buffers, &Lamp::of(&scene), camera.eye())
-            .expect("lights");
-        let (_, found) = renderer
-            .render(&gpu, &raster, &camera, &lights)
-            .expect("a picture");
-        let (_, truth) = renderer
-            .render_exact(&gpu, &raster, &camera, &lights)
-            .expect("a picture");
-        let counts = renderer.counts(&gpu);
-        let off = difference(&found, &truth, 256).rmse;
-        println!("{splits}: {off}, {counts:?}");
+        let (renderer, lights) = stage.renderer(size);
+        let (found, counts) = stage.picture(&renderer, &lights);
+        let off = difference(&found, &stage.truth(&renderer, &lights), 256).rmse;
+        println!("room for {splits}: {off}, {counts:?}");
         (counts, counts.split_overflow(&size), off)
     });
     assert!(many.0.parts[1] > 100 && many.1 == 0);
-    assert!(none.0.parts[1] <= 8 && none.1 > 10);
-    assert!(many.0.exact_pixels < none.0.exact_pixels && many.2 > none.2);
+    assert!(few.0.parts[1] <= 8 && few.1 > 10);
+    assert!(many.0.exact_pixels < few.0.exact_pixels && many.2 > few.2);
 }
 
+/// A square light above a point, by the form factor of a parallel square.
 #[test]
 fn polygons_have_their_form_factor() {
     let gpu = gpu();

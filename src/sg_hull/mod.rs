@@ -65,8 +65,8 @@ const LABEL: &str = "deep-screen-space hull";
 /// off by the Gaussian alone.
 ///
 /// Quads are not judged by it, and not split but gathered at each pixel: where it varies within one, [`SgHullSettings::misfit`] finds what the diffuse light betrays.
-/// That of 0 has light gathered at each pixel, for both lobes. At a roughness of 0.2 the picture of a colonnade is 3.9 % off
-/// the one gathered at every pixel, and 1.1 % without gloss (`cargo run --example hull -- colonnade 320x240 --glossy 0.2`).
+/// That of 0 has light gathered at each pixel, for both lobes. At a roughness of 0.2 the picture of a colonnade is 3.5 % off
+/// the one gathered at every pixel, and 1.0 % without gloss (`cargo run --example hull -- colonnade 320x240 --glossy 0.2`).
 ///
 /// Holds pipelines only, for one gatherer and one target format; one serves any number of views.
 #[derive(Debug)]
