@@ -81,9 +81,13 @@ struct Recorded {
     alphas: Vec<f32>,
 }
 
+/// Without gloss there are no parts either, so that pixels gathered each for itself are the same.
 fn size_of_view(shot: &Shot) -> SgHullSize {
     let viewport = shot.camera.viewport();
-    SgHullSize::new(viewport.width, viewport.height)
+    SgHullSize {
+        splits: 0,
+        ..SgHullSize::new(viewport.width, viewport.height)
+    }
 }
 
 impl Job<'_> {
