@@ -625,13 +625,16 @@ impl SgHull {
                     pass.dispatch_workgroups_indirect(&hull.dispatch, 0);
                 }
             };
+        // Where no quad can be split there is nothing to do.
+        let split = self.split.as_ref();
+        let split = split.filter(|_| hull.size.splits > 0 && settings.misfit > 0.0);
         run(&mut pass, Plan::Vertices, &[(&self.place, &place)]);
         run(&mut pass, Plan::Gather, &[(&self.gather, &gather)]);
         pass.set_pipeline(&self.mean);
         pass.set_bind_group(0, &judge, &[]);
         pass.dispatch_workgroups(1, 1, 1);
         run(&mut pass, Plan::Judge, &[(&self.judge, &judge)]);
-        if let Some(split) = &self.split {
+        if let Some(split) = split {
             let points = group(
                 &split.layout,
                 &[
@@ -691,7 +694,7 @@ impl SgHull {
                 std::mem::offset_of!(SgHullCounts, draw) as u64,
             );
         }
-        if let Some(split) = &self.split {
+        if let Some(split) = split {
             pass.set_pipeline(&split.draw);
             pass.draw_indirect(
                 &hull.counts,
