@@ -20,6 +20,7 @@ use crate::{
     screen_space_gi::params::ScreenSpaceGiParams,
     sender_bounds::SenderBoundsParams,
     sg_hull::{
+        self,
         params::{HullSegment, HullVertex, SgHullCounts, SgHullParams},
         surfels::SurfelGatherParams,
     },
@@ -300,6 +301,15 @@ fn structs_match_the_shaders() {
     check(&ao, "sg_hull_segment", "AtomicCounters", first(3), 12);
     check(&ao, "sg_hull_place", "PlaceCounters", first(5), 32);
     check(&ao, "sg_hull_judge", "JudgeCounters", first(9), 48);
+    for (name, size) in [
+        ("Split", sg_hull::SPLIT_BYTES),
+        ("Part", sg_hull::PART_BYTES),
+        ("Misfit", sg_hull::MISFIT_BYTES),
+        ("SplitCounters", size_of::<SgHullCounts>() as u64),
+    ] {
+        let (_, span) = reflect(&ao, "sg_hull_split", name);
+        assert_eq!(span as u64, size, "size of {name}");
+    }
     for stage in [
         "sg_hull_segment",
         "sg_hull_plan",

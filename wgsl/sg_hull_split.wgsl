@@ -130,18 +130,18 @@ fn divide(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_ind
     let part_high = vec2u(select(middle.x, high.x, column != 0u), select(middle.y, high.y, row != 0u));
     let part = Part(pack_pixel(part_low), pack_pixel(part_high), split.whole.slot, 0u,
       array(lattice[first], lattice[first + 1u], lattice[first + 3u], lattice[first + 4u]));
-    var misfit = 0.0;
+    // No number is no fit.
+    var fits = true;
     var least = MAX_F32;
     var most = 0.0;
     for (var j = 0u; j < 4u; j++) {
       let at = first + (j & 1u) + (j >> 1u) * 3u;
       let light = average(lattice[at].xyz);
-      misfit = max(misfit, off[at]);
+      fits = fits && off[at] < params.misfit;
       least = min(least, light);
       most = max(most, light);
     }
-    misfit = max(misfit, relative_misfit(APART_SHARE * (most - least), least, counters.mean_irradiance));
-    if misfit < params.misfit {
+    if fits && relative_misfit(APART_SHARE * (most - least), least, counters.mean_irradiance) < params.misfit {
       parts[atomicAdd(&counters.parts, 1u)] = part;
       continue;
     }

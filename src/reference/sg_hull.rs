@@ -284,11 +284,9 @@ impl Hull<'_> {
             let light = part.corners.map(|(light, _)| average(light));
             let least = light.iter().copied().fold(f64::INFINITY, f64::min);
             let apart = light.iter().copied().fold(0.0, f64::max) - least;
-            let misfit = places.iter().fold(
-                relative_misfit(APART_SHARE * apart, least, mean),
-                |most, place| off[*place].max(most),
-            );
-            if misfit < bound {
+            // No number is no fit.
+            let fits = places.iter().all(|&place| off[place] < bound);
+            if fits && relative_misfit(APART_SHARE * apart, least, mean) < bound {
                 found.push((part, Fit::Quad));
             } else if part.can_be_split() {
                 self.split(

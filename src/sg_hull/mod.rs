@@ -852,9 +852,9 @@ fn with_gatherer<'a>(
 }
 
 /// Bytes of `Split`, `Part` (`wgsl/common/sg_hull_split.wgsl`) and `Misfit` (`wgsl/common/sg_hull.wgsl`).
-const SPLIT_BYTES: u64 = 240;
-const PART_BYTES: u64 = 80;
-const MISFIT_BYTES: u64 = 16;
+pub(crate) const SPLIT_BYTES: u64 = 240;
+pub(crate) const PART_BYTES: u64 = 80;
+pub(crate) const MISFIT_BYTES: u64 = 16;
 
 /// Rounds until no part of a quad is wide enough to be split.
 fn split_rounds(settings: &SgHullSettings, size: &SgHullSize) -> u32 {
