@@ -2,6 +2,8 @@
 
 use std::borrow::Cow;
 
+use crate::gpu::preprocess::Module;
+
 /// How wide an effect's sums are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Channels {
@@ -60,6 +62,15 @@ impl Effect {
             flags.push("ONE_SIDED");
         }
         flags
+    }
+
+    /// Its code, for the shaders that import it.
+    pub(crate) fn module(&self) -> Module<'_> {
+        Module {
+            name: "effect",
+            file: &self.label,
+            text: &self.source,
+        }
     }
 
     /// The constants as pipelines take them.

@@ -109,11 +109,21 @@ pub enum Error {
         /// What this call needs.
         needed: String,
     },
-    /// A WGSL snippet given by the caller does not fit.
-    #[error("the effect {label} {problem}")]
+    /// WGSL given by the caller does not fit.
+    #[error("the WGSL of {label} {problem}")]
     Effect {
-        /// The effect's label.
+        /// The label of the effect or gatherer.
         label: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// A module of the crate's own WGSL does not fit together, which is a fault of the crate.
+    #[error("{file}, line {line}: the module {problem}")]
+    Shader {
+        /// The file, relative to the crate.
+        file: String,
+        /// The line, from 1.
+        line: usize,
         /// What is wrong with it.
         problem: String,
     },

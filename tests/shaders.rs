@@ -4,7 +4,7 @@
 use std::{fs, path::Path};
 
 use deep_screen_space::{
-    AmbientOcclusion, Channels, Effect, Overlap, Shader, shaders, wgpu::Features,
+    AmbientOcclusion, Channels, Effect, Error, Overlap, Shader, shaders, wgpu::Features,
 };
 use naga::valid::{Capabilities, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator};
 
@@ -111,15 +111,49 @@ fn features_are_neither_missing_nor_superfluous() {
 
 #[test]
 fn malformed_effects_are_typed_errors() {
-    for source in ["#if MATERIAL\n", "#endif\n", "#else\n", "#import nothing\n"] {
+    for (source, problem) in [
+        ("#if MATERIAL\n", "has #if without #endif, in line 1"),
+        ("\n#endif\n", "has #endif without #if, in line 2"),
+        ("#else\n", "has #else without #if, in line 1"),
+        (
+            "#import nothing\n",
+            "imports \"nothing\", which there is not, in line 1",
+        ),
+        (
+            "#ifdef MATERIAL\n",
+            "has the unknown directive #ifdef, in line 1",
+        ),
+    ] {
         let effect = Effect {
             source: source.into(),
             ..everything()
         };
-        let refused = shaders(&effect);
+        let expected = Error::Effect {
+            label: "everything".into(),
+            problem: problem.into(),
+        };
+        assert_eq!(shaders(&effect), Err(expected), "{source}");
+    }
+}
+
+/// A file that no pass lists would be validated by nothing.
+#[test]
+fn every_file_is_a_shader() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("wgsl");
+    let all = variants();
+    let mut files = 0;
+    for entry in fs::read_dir(folder).expect("the folder wgsl") {
+        let path = entry.expect("an entry").path();
+        let Some("wgsl") = path.extension().and_then(|e| e.to_str()) else {
+            continue;
+        };
+        files += 1;
+        let name = path.file_stem().expect("a name").to_string_lossy();
         assert!(
-            matches!(refused, Err(deep_screen_space::Error::Effect { .. })),
-            "{source}: {refused:?}"
+            all.iter()
+                .any(|s| s.name.split(' ').next() == Some(name.as_ref())),
+            "{name}.wgsl is not among the shaders"
         );
     }
+    assert!(files > 0);
 }

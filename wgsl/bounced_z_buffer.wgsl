@@ -59,8 +59,7 @@ override SAMPLING: u32 = 0u;
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> counters: Counters;
 @group(0) @binding(2) var nodes: texture_2d<f32>;
-#if SENDER_DISKS
-#else
+#if !SENDER_DISKS
 @group(0) @binding(3) var leaves: texture_2d<f32>;
 #endif
 @group(0) @binding(4) var receivers: texture_2d<u32>;
@@ -73,10 +72,8 @@ override SAMPLING: u32 = 0u;
 #else
 @group(0) @binding(6) var<storage, read> radiance: array<SurfelRadiance>;
 #endif
-#if SENDER_DISKS
-#else
-#if LIT
-#else
+#if !SENDER_DISKS
+#if !LIT
 // First surfel of each piece.
 @group(0) @binding(7) var<storage, read> surfel_offsets: array<u32>;
 #endif

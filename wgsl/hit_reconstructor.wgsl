@@ -80,8 +80,7 @@ fn incoming(pixel: vec2u, index: u32) -> vec3f {
 #endif
 }
 
-#if GLOSSY
-#else
+#if !GLOSSY
 // A receiver's cosine to a direction over the density that the direction was drawn with, as a share of what cosine
 // sampling about the receiver's own normal gives, 1.
 fn share(normal: vec3f, drawn: Direction) -> f32 {

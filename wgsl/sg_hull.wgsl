@@ -91,8 +91,7 @@ fn flat_corner(@builtin(vertex_index) corner: u32, @builtin(instance_index) i: u
 #endif
 }
 
-#if GLOSSY
-#else
+#if !GLOSSY
 @vertex
 fn part_corner(@builtin(vertex_index) corner: u32, @builtin(instance_index) i: u32) -> FlatCorner {
   let part = parts[i];

@@ -2,6 +2,7 @@
 //! timestamps.
 
 pub(crate) mod binding;
+pub(crate) mod preprocess;
 pub(crate) mod scan;
 pub(crate) mod screen;
 pub(crate) mod shader;

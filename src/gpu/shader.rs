@@ -1,168 +1,96 @@
-//! Assembly of WGSL modules from the files in `wgsl/`.
-//!
-//! Two directives, each alone on its line: `#import name` puts in a file of `wgsl/common` (once), and
-//! `#if FLAG` … `#else` … `#endif` keeps the lines that a variant needs. A flag decides what is *bound*; whatever only
-//! changes a value is an `override` constant.
+//! WGSL modules of the crate from the files in `wgsl/`; see [`super::preprocess`] for the directives in them.
 
-use std::{borrow::Cow, collections::BTreeSet};
+use std::borrow::Cow;
 
+use super::preprocess::{Mistake, Module, preprocess};
 use crate::error::Error;
 
-const COMMON: &[(&str, &str)] = &[
-    ("math", include_str!("../../wgsl/common/math.wgsl")),
-    ("packing", include_str!("../../wgsl/common/packing.wgsl")),
-    ("hashing", include_str!("../../wgsl/common/hashing.wgsl")),
-    ("camera", include_str!("../../wgsl/common/camera.wgsl")),
-    ("gbuffer", include_str!("../../wgsl/common/gbuffer.wgsl")),
-    ("surface", include_str!("../../wgsl/common/surface.wgsl")),
-    ("dispatch", include_str!("../../wgsl/common/dispatch.wgsl")),
-    ("moments", include_str!("../../wgsl/common/moments.wgsl")),
-    ("receiver", include_str!("../../wgsl/common/receiver.wgsl")),
-    ("surfel", include_str!("../../wgsl/common/surfel.wgsl")),
-    ("triangle", include_str!("../../wgsl/common/triangle.wgsl")),
-    ("light", include_str!("../../wgsl/common/light.wgsl")),
-    (
-        "shadow_map",
-        include_str!("../../wgsl/common/shadow_map.wgsl"),
-    ),
-    ("material", include_str!("../../wgsl/common/material.wgsl")),
-    ("levels", include_str!("../../wgsl/common/levels.wgsl")),
-    ("cluster", include_str!("../../wgsl/common/cluster.wgsl")),
-    ("screen", include_str!("../../wgsl/common/screen.wgsl")),
-    (
-        "sub_image",
-        include_str!("../../wgsl/common/sub_image.wgsl"),
-    ),
-    ("work", include_str!("../../wgsl/common/work.wgsl")),
-    ("block", include_str!("../../wgsl/common/block.wgsl")),
-    ("rooms", include_str!("../../wgsl/common/rooms.wgsl")),
-    (
-        "walk_tree",
-        include_str!("../../wgsl/common/walk_tree.wgsl"),
-    ),
-    ("walk", include_str!("../../wgsl/common/walk.wgsl")),
-    (
-        "node_boxes",
-        include_str!("../../wgsl/common/node_boxes.wgsl"),
-    ),
-    (
-        "meet_triangles",
-        include_str!("../../wgsl/common/meet_triangles.wgsl"),
-    ),
-    (
-        "shadow_ray",
-        include_str!("../../wgsl/common/shadow_ray.wgsl"),
-    ),
-    (
-        "disk_tree",
-        include_str!("../../wgsl/common/disk_tree.wgsl"),
-    ),
-    (
-        "disk_walk",
-        include_str!("../../wgsl/common/disk_walk.wgsl"),
-    ),
-    (
-        "directions",
-        include_str!("../../wgsl/common/directions.wgsl"),
-    ),
-    (
-        "spherical_gaussian",
-        include_str!("../../wgsl/common/spherical_gaussian.wgsl"),
-    ),
-    (
-        "sg_glossy",
-        include_str!("../../wgsl/common/sg_glossy.wgsl"),
-    ),
-    ("lobes", include_str!("../../wgsl/common/lobes.wgsl")),
-    ("sg_hull", include_str!("../../wgsl/common/sg_hull.wgsl")),
-    (
-        "sg_hull_corner",
-        include_str!("../../wgsl/common/sg_hull_corner.wgsl"),
-    ),
-    (
-        "sg_hull_split",
-        include_str!("../../wgsl/common/sg_hull_split.wgsl"),
-    ),
-    (
-        "sg_hull_misfit",
-        include_str!("../../wgsl/common/sg_hull_misfit.wgsl"),
-    ),
-    (
-        "sg_hull_vertex",
-        include_str!("../../wgsl/common/sg_hull_vertex.wgsl"),
-    ),
-    ("ggx", include_str!("../../wgsl/common/ggx.wgsl")),
-    (
-        "effect_types",
-        include_str!("../../wgsl/common/effect_types.wgsl"),
-    ),
+/// The modules of `wgsl/common` by name.
+macro_rules! common {
+    ($($name:ident),* $(,)?) => {
+        &[$(Module {
+            name: stringify!($name),
+            file: concat!("wgsl/common/", stringify!($name), ".wgsl"),
+            text: include_str!(concat!("../../wgsl/common/", stringify!($name), ".wgsl")),
+        }),*]
+    };
+}
+
+const COMMON: &[Module<'static>] = common![
+    math,
+    packing,
+    hashing,
+    camera,
+    gbuffer,
+    surface,
+    dispatch,
+    moments,
+    receiver,
+    surfel,
+    triangle,
+    light,
+    shadow_map,
+    material,
+    levels,
+    cluster,
+    screen,
+    sub_image,
+    work,
+    block,
+    rooms,
+    walk_tree,
+    walk,
+    node_boxes,
+    meet_triangles,
+    shadow_ray,
+    disk_tree,
+    disk_walk,
+    directions,
+    spherical_gaussian,
+    sg_glossy,
+    lobes,
+    sg_hull,
+    sg_hull_corner,
+    sg_hull_split,
+    sg_hull_misfit,
+    sg_hull_vertex,
+    ggx,
+    effect_types,
 ];
 
-/// Assembles a module. `snippets` are further imports, such as an effect's own code.
+/// Assembles the module `wgsl/{name}.wgsl`. `snippets` are further modules: the caller's code, whose `file` is its label.
 pub(crate) fn assemble(
     name: &str,
     text: &str,
     flags: &[&str],
-    snippets: &[(&str, &str)],
+    snippets: &[Module<'_>],
 ) -> Result<String, Error> {
-    let mut out = String::with_capacity(text.len() * 2);
-    let mut imported = BTreeSet::new();
-    append(name, text, flags, snippets, &mut imported, &mut out)?;
-    Ok(out)
-}
-
-fn append(
-    name: &str,
-    text: &str,
-    flags: &[&str],
-    snippets: &[(&str, &str)],
-    imported: &mut BTreeSet<String>,
-    out: &mut String,
-) -> Result<(), Error> {
-    let bad = |problem: String| Error::Effect {
-        label: name.into(),
-        problem,
+    let file = format!("wgsl/{name}.wgsl");
+    let root = Module {
+        name,
+        file: &file,
+        text,
     };
-    // One entry per open #if: whether its lines are kept, given that the enclosing ones are.
-    let mut open: Vec<bool> = Vec::new();
-    for line in text.lines() {
-        let mut words = line.split_whitespace();
-        let kept = open.iter().all(|&k| k);
-        match (words.next(), words.next()) {
-            (Some("#if"), Some(flag)) => open.push(flags.contains(&flag)),
-            (Some("#else"), None) => {
-                let last = open
-                    .last_mut()
-                    .ok_or_else(|| bad("has #else without #if".into()))?;
-                *last = !*last;
+    let modules = [snippets, COMMON].concat();
+    preprocess(root, &modules, flags).map_err(|mistake| {
+        let Mistake {
+            file,
+            line,
+            problem,
+        } = mistake;
+        if snippets.iter().any(|snippet| snippet.file == file) {
+            Error::Effect {
+                label: file,
+                problem: format!("{problem}, in line {line}"),
             }
-            (Some("#endif"), None) => {
-                open.pop()
-                    .ok_or_else(|| bad("has #endif without #if".into()))?;
+        } else {
+            Error::Shader {
+                file,
+                line,
+                problem,
             }
-            (Some("#import"), Some(module)) if kept => {
-                let (key, body) = snippets
-                    .iter()
-                    .chain(COMMON)
-                    .find(|(key, _)| *key == module)
-                    .copied()
-                    .ok_or_else(|| bad(format!("imports {module}, which does not exist")))?;
-                if imported.insert(key.to_owned()) {
-                    append(key, body, flags, snippets, imported, out)?;
-                }
-            }
-            _ if kept => {
-                out.push_str(line);
-                out.push('\n');
-            }
-            _ => {}
         }
-    }
-    if open.is_empty() {
-        Ok(())
-    } else {
-        Err(bad("has #if without #endif".into()))
-    }
+    })
 }
 
 /// A shader module with the crate's label.
@@ -171,4 +99,52 @@ pub(crate) fn create(device: &wgpu::Device, label: &str, source: String) -> wgpu
         label: Some(label),
         source: wgpu::ShaderSource::Wgsl(Cow::Owned(source)),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{collections::BTreeSet, fs, path::Path};
+
+    use super::*;
+    use crate::gpu::preprocess::FLAGS;
+
+    #[test]
+    fn all_of_common_is_listed() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("wgsl/common");
+        let files: BTreeSet<_> = fs::read_dir(folder)
+            .expect("the folder")
+            .map(|e| {
+                let path = e.expect("an entry").path();
+                path.file_stem()
+                    .expect("a name")
+                    .to_string_lossy()
+                    .into_owned()
+            })
+            .collect();
+        let listed: BTreeSet<_> = COMMON.iter().map(|m| m.name.to_owned()).collect();
+        assert_eq!(files, listed);
+    }
+
+    #[test]
+    fn no_flag_is_without_use() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let mut text = String::new();
+        for folder in ["wgsl", "wgsl/common", "wgsl/effects", "wgsl/gatherers"] {
+            for entry in fs::read_dir(root.join(folder)).expect("the folder") {
+                let path = entry.expect("an entry").path();
+                if path.is_file() {
+                    text += &fs::read_to_string(path).expect("a text");
+                }
+            }
+        }
+        let asked: BTreeSet<_> = text
+            .lines()
+            .filter_map(|line| line.strip_prefix("#if "))
+            .flat_map(|condition| condition.split([' ', '!', '&', '|']))
+            .filter(|word| !word.is_empty())
+            .collect();
+        for flag in FLAGS {
+            assert!(asked.contains(flag), "{flag} is in no condition");
+        }
+    }
 }

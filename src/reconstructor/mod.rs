@@ -388,10 +388,5 @@ pub(crate) fn source(effect: &Effect, variant: ReconstructorVariant) -> Result<S
             flags.extend(effect.albedo.then_some("ALBEDO"));
         }
     }
-    shader::assemble(
-        "reconstructor",
-        SOURCE,
-        &flags,
-        &[("effect", effect.source.as_ref())],
-    )
+    shader::assemble("reconstructor", SOURCE, &flags, &[effect.module()])
 }

@@ -26,7 +26,9 @@ use crate::{
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_2D, READ, UINT_2D, UNIFORM, WRITE, view, whole},
-        check_timestamps, first_pass, screen, shader, storage, uniform,
+        check_timestamps, first_pass,
+        preprocess::Module,
+        screen, shader, storage, uniform,
     },
     receivers::{Receivers, ReceiversPass, plane_bytes},
 };
@@ -963,5 +965,10 @@ pub(crate) fn source(
         .into_iter()
         .filter_map(|(on, flag)| on.then_some(flag))
         .collect();
-    shader::assemble(name, text, &flags, &[("gatherer", gatherer)])
+    let gatherer = Module {
+        name: "gatherer",
+        file: "the gatherer",
+        text: gatherer,
+    };
+    shader::assemble(name, text, &flags, &[gatherer])
 }

@@ -554,12 +554,7 @@ pub(crate) fn source(effect: &Effect, variant: SplatVariant) -> Result<String, E
             flags.extend(statistics.then_some("STATISTICS"));
         }
     }
-    shader::assemble(
-        "shell_splatter",
-        SOURCE,
-        &flags,
-        &[("effect", effect.source.as_ref())],
-    )
+    shader::assemble("shell_splatter", SOURCE, &flags, &[effect.module()])
 }
 
 fn label(effect: &Effect, what: &str) -> String {

@@ -3,8 +3,10 @@
 // On level l a pixel sees the disks of its sub-buffer, one in 4^l, with 2^l times their radius, and of the hits with them
 // those at a distance within the level's shell about it. The levels' nearest hits are then merged into one.
 //
-// Asks of its importer the texture `nodes` (wgsl/disk_bounds.wgsl), `counters`, and `params` with a world_radius. Bindings
-// from 16 on are its own.
+// The importer declares the texture `nodes` (wgsl/disk_bounds.wgsl), `counters`, and `params` with a world_radius. Bindings
+// from 16 on are this module's own.
+
+#needs nodes counters params
 
 #import walk
 #import disk_tree

@@ -1,6 +1,8 @@
 // The caller's G-buffer decoded (src/gbuffer.rs).
-//
-// Asks of its importer math, packing and camera.
+
+#import math
+#import packing
+#import camera
 
 const UNSIGNED: u32 = 1u;
 const OCTAHEDRAL: u32 = 2u;

@@ -1,8 +1,9 @@
 // Glossy lobes: microfacets of the isotropic Trowbridge-Reitz distribution (GGX), their visible normals drawn as a
 // spherical cap (Dupuy and Benyoub 2023, after Heitz 2018), masked and shadowed with correlated heights (Smith; Heitz
 // 2014). Directions are in the normal's frame, z along it, and point away from the surface.
-//
-// Asks of its importer math and directions.
+
+#import math
+#import directions
 
 // Below this the density's error shows: half vectors are known to some 3e-7, and D changes by 2 / alpha times that.
 const MIN_ALPHA: f32 = 1e-3;

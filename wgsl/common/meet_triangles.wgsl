@@ -1,6 +1,8 @@
 // Rays against runs of four triangles, for wgsl/common/walk.wgsl.
 //
-// Asks of its importer the texture `leaves` (wgsl/sender_bounds.wgsl).
+// The importer declares the texture `leaves` (wgsl/sender_bounds.wgsl).
+
+#needs leaves
 
 #import walk
 

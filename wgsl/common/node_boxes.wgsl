@@ -1,6 +1,8 @@
 // Boxes around senders and nodes, as the nodes of wgsl/common/walk_tree.wgsl hold them.
 //
-// Asks of its importer the array of vectors `nodes`, to write.
+// The importer declares the array of vectors `nodes`, to write.
+
+#needs nodes
 
 #import walk_tree
 

@@ -1,8 +1,10 @@
 // What a glossy surface reflects of light that is known as sums a colour channel (src/sg_hull): the lobe of GGX as a
 // spherical Gaussian about the mirrored view (Wang, Ren, Gong, Snyder and Guo 2009), times the lobe of the light.
-//
-// Asks of its importer math, packing, camera and receiver.
 
+#import math
+#import packing
+#import camera
+#import receiver
 #import hashing
 #import directions
 #import ggx

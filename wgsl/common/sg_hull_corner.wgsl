@@ -1,6 +1,8 @@
 // Where points of a segment between its pixels lie: corners of quads and of their parts (src/sg_hull).
-//
-// Asks of its importer sg_hull, `params`, `receivers` and `segment_of`.
+
+#needs params receivers segment_of
+
+#import sg_hull
 
 // Pixels across below which a segment is a sliver.
 const NARROW: u32 = 4u;

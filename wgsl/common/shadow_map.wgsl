@@ -1,7 +1,9 @@
 // A light's shadow map (src/surfel_shader/mod.rs): depth as seen from the light, by one camera or by several. Points are in the
 // eye space that the cameras' parameters are for.
 //
-// Asks of its importer `shadow`, a uniform Shadow, and `depth_map`, a texture_2d_array<f32>.
+// The importer declares `shadow`, a uniform Shadow, and `depth_map`, a texture_2d_array<f32>.
+
+#needs shadow depth_map
 
 struct ShadowCamera {
   // From a position relative to the camera's eye.

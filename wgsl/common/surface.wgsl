@@ -1,9 +1,11 @@
 // What a pixel of the viewport shows: the caller's G-buffer decoded where it is read (wgsl/receivers.wgsl decodes all of it
 // beforehand, for passes that read it often).
 //
-// Asks of its importer `params` with `camera: Camera`, `normals: vec2u` (src/gbuffer.rs) and how far a stored depth may lie
+// The importer declares `params` with `camera: Camera`, `normals: vec2u` (src/gbuffer.rs) and how far a stored depth may lie
 // from the true one, an absolute part `depth_step` and one relative to the depth, `depth_relative`; and the textures
 // `depth_texture` (post-projection) and `normal_texture`.
+
+#needs params depth_texture normal_texture
 
 #import math
 #import packing

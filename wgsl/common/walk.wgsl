@@ -1,7 +1,12 @@
 // Rays against senders: a ray visits the nodes over them from left to right, skips what it misses, and needs no stack.
 //
-// Asks of its importer the texture `nodes`, and meet_leaf(), where a ray meets the four senders of a run;
-// with #if SENDER_DISKS also reach_of(), beyond which it meets none with such radii.
+// The importer declares the texture `nodes`, meet_leaf(), which tells where a ray meets the four senders of a run, and for
+// disks reach_of(), the distance beyond which a ray meets none with such radii.
+
+#needs nodes meet_leaf
+#if SENDER_DISKS
+#needs reach_of
+#endif
 
 #import walk_tree
 
