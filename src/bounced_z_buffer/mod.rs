@@ -28,11 +28,12 @@ use crate::{
     },
     receivers::{Receivers, ReceiversPass, plane},
     sender_bounds::{SenderBounds, SenderBoundsPass},
+    shaders::{Listing, name_of},
     surfel::{SurfelCloud, SurfelRadiance},
     surfelizer::settings::Placement,
 };
 
-pub(crate) const SOURCE: &str = include_str!("../../wgsl/bounced_z_buffer.wgsl");
+const SOURCE: &str = include_str!("../../wgsl/bounced_z_buffer.wgsl");
 
 const LABEL: &str = "deep-screen-space bounced z-buffer";
 
@@ -453,6 +454,46 @@ fn store_colors() -> BindingType {
 }
 
 /// Assembles the module.
-pub(crate) fn source(descriptor: &BouncedDescriptor) -> Result<String, Error> {
+fn source(descriptor: &BouncedDescriptor) -> Result<String, Error> {
     shader::assemble("bounced_z_buffer", SOURCE, &descriptor.flags(), &[])
+}
+
+/// Every module of the pass.
+pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    for payload in [Payload::Occlusion, Payload::Radiance] {
+        for senders in [Senders::Pieces, Senders::Disks { levels: 1 }] {
+            for sampling in [Sampling::Cosine, Sampling::Glossy] {
+                for lighting in [Lighting::Surfels, Lighting::Hits] {
+                    for statistics in [false, true] {
+                        let descriptor = BouncedDescriptor {
+                            payload,
+                            senders,
+                            sampling,
+                            lighting,
+                            statistics,
+                        };
+                        let lit = lighting == Lighting::Hits;
+                        let disks = senders != Senders::Pieces;
+                        if lit && (disks || !descriptor.lit()) {
+                            continue;
+                        }
+                        let name = name_of(
+                            match payload {
+                                Payload::Occlusion => "bounced_z_buffer occlusion",
+                                Payload::Radiance => "bounced_z_buffer radiance",
+                            },
+                            &[
+                                (lit, "lit"),
+                                (disks, "disks"),
+                                (sampling == Sampling::Glossy, "glossy"),
+                                (statistics, "statistics"),
+                            ],
+                        );
+                        all.add(&name, source(&descriptor)?);
+                    }
+                }
+            }
+        }
+    }
+    Ok(())
 }

@@ -14,10 +14,11 @@ use crate::{
         binding::{self, FLOAT_2D, UNIFORM, WRITE, view, whole},
         compute_pass, shader, storage, uniform,
     },
+    shaders::Listing,
     work::level_size,
 };
 
-pub(crate) const SOURCE: &str = include_str!("../../wgsl/depth_moments.wgsl");
+const SOURCE: &str = include_str!("../../wgsl/depth_moments.wgsl");
 
 const LABEL: &str = "deep-screen-space depth moments";
 
@@ -173,7 +174,14 @@ impl DepthMomentsPass {
 }
 
 /// The module, of the first level or of the others.
-pub(crate) fn source(depth: bool) -> Result<String, Error> {
+fn source(depth: bool) -> Result<String, Error> {
     let flags: &[&str] = if depth { &["DEPTH"] } else { &[] };
     shader::assemble("depth_moments", SOURCE, flags, &[])
+}
+
+/// Every module of the pass.
+pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    all.add("depth_moments depth", source(true)?);
+    all.add("depth_moments", source(false)?);
+    Ok(())
 }

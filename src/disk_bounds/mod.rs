@@ -15,10 +15,11 @@ use crate::{
         compute_pass, dispatch, shader, uniform,
     },
     sender_bounds::{VectorArray, depth_offset, nodes_at, top_of},
+    shaders::Listing,
     surfel::SurfelCloud,
 };
 
-pub(crate) const SOURCE: &str = include_str!("../../wgsl/disk_bounds.wgsl");
+const SOURCE: &str = include_str!("../../wgsl/disk_bounds.wgsl");
 
 const LABEL: &str = "deep-screen-space disk bounds";
 
@@ -135,7 +136,7 @@ pub(crate) struct DiskBoundsPass {
 }
 
 /// The module.
-pub(crate) fn source() -> Result<String, Error> {
+fn source() -> Result<String, Error> {
     shader::assemble("disk_bounds", SOURCE, &["SENDER_DISKS"], &[])
 }
 
@@ -210,6 +211,12 @@ impl DiskBoundsPass {
         drop(pass);
         bounds.built.copy(encoder);
     }
+}
+
+/// Every module of the pass.
+pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    all.add("disk_bounds", source()?);
+    Ok(())
 }
 
 #[cfg(test)]

@@ -5,12 +5,12 @@ use wgpu::{
 };
 
 use super::{Kernel, binding, dispatch, shader, storage};
-use crate::error::Error;
+use crate::{error::Error, shaders::Listing};
 
 /// Values that one workgroup scans; `BLOCK` of the shader.
 const BLOCK: u32 = 1024;
 
-pub(crate) const SOURCE: &str = include_str!("../../wgsl/scan.wgsl");
+const SOURCE: &str = include_str!("../../wgsl/scan.wgsl");
 
 /// The pipelines.
 #[derive(Debug)]
@@ -127,4 +127,10 @@ impl ScanBuffer {
     pub fn bytes(&self) -> u64 {
         self.values.size() + self.totals.iter().map(wgpu::Buffer::size).sum::<u64>()
     }
+}
+
+/// Every module of the pass.
+pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    all.add("scan", shader::assemble("scan", SOURCE, &[], &[])?);
+    Ok(())
 }

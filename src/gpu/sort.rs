@@ -13,14 +13,14 @@ use super::{
     scan::{Scan, ScanBuffer},
     shader, storage, uniform,
 };
-use crate::error::Error;
+use crate::{error::Error, shaders::Listing};
 
 /// Keys that one workgroup moves, and values that a digit has; as in the shader.
 const BLOCK: u32 = 1024;
 const DIGITS: u32 = 16;
 const DIGIT_BITS: u32 = 4;
 
-pub(crate) const SOURCE: &str = include_str!("../../wgsl/sort.wgsl");
+const SOURCE: &str = include_str!("../../wgsl/sort.wgsl");
 
 const LABEL: &str = "deep-screen-space sort";
 
@@ -141,6 +141,12 @@ impl SortBuffer {
     pub fn bytes(&self) -> u64 {
         self.items.size() + self.other.size() + self.counts.bytes()
     }
+}
+
+/// Every module of the pass.
+pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    all.add("sort", shader::assemble("sort", SOURCE, &[], &[])?);
+    Ok(())
 }
 
 #[cfg(test)]

@@ -26,10 +26,11 @@ use crate::{
         shader, uniform,
     },
     receivers::{plane, plane_bytes},
+    shaders::{Listing, name_of},
     surfel::SurfelCloud,
 };
 
-pub(crate) const SOURCE: &str = include_str!("../../wgsl/hit_reconstructor.wgsl");
+const SOURCE: &str = include_str!("../../wgsl/hit_reconstructor.wgsl");
 
 const LABEL: &str = "deep-screen-space hit reconstructor";
 
@@ -347,7 +348,7 @@ pub(crate) enum HitStage {
 }
 
 /// Assembles one of them.
-pub(crate) fn source(
+fn source(
     descriptor: &HitReconstructorDescriptor,
     stage: HitStage,
 ) -> Result<String, Error> {
@@ -361,4 +362,38 @@ pub(crate) fn source(
         HitStage::Reconstruct => {}
     }
     shader::assemble("hit_reconstructor", SOURCE, &flags, &[])
+}
+
+/// Every module of the pass.
+pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    for payload in [Payload::Occlusion, Payload::Radiance] {
+        for sampling in [Sampling::Cosine, Sampling::Glossy] {
+            for (deferred, stage) in [
+                (false, HitStage::Average),
+                (false, HitStage::Reconstruct),
+                (true, HitStage::Reconstruct),
+            ] {
+                let descriptor = HitReconstructorDescriptor {
+                    payload,
+                    sampling,
+                    deferred,
+                    target: TextureFormat::Rgba16Float,
+                };
+                let name = name_of(
+                    match payload {
+                        Payload::Occlusion => "hit_reconstructor occlusion",
+                        Payload::Radiance => "hit_reconstructor radiance",
+                    },
+                    &[
+                        (sampling == Sampling::Glossy, "glossy"),
+                        (stage == HitStage::Average, "average"),
+                        (stage == HitStage::Reconstruct, "reconstruct"),
+                        (deferred, "deferred"),
+                    ],
+                );
+                all.add(&name, source(&descriptor, stage)?);
+            }
+        }
+    }
+    Ok(())
 }

@@ -28,9 +28,10 @@ use crate::{
         screen::Screen,
         shader, uniform,
     },
+    shaders::{Listing, name_of},
 };
 
-pub(crate) const SOURCE: &str = include_str!("../../wgsl/multi_res_mask.wgsl");
+const SOURCE: &str = include_str!("../../wgsl/multi_res_mask.wgsl");
 
 const LABEL: &str = "deep-screen-space multi-resolution mask";
 
@@ -463,6 +464,32 @@ impl MaskStage {
 }
 
 /// Assembles one of them.
-pub(crate) fn source(stage: MaskStage) -> Result<String, Error> {
+fn source(stage: MaskStage) -> Result<String, Error> {
     shader::assemble("multi_res_mask", SOURCE, &stage.flags(), &[])
+}
+
+/// Every module of the pass.
+pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    for shading in [false, true] {
+        for given in [false, true] {
+            let name = name_of(
+                "multi_res_mask edges",
+                &[(shading, "shading"), (given, "given")],
+            );
+            all.add(&name, source(MaskStage::Edges { shading, given })?);
+        }
+    }
+    for (name, stage) in [
+        ("multi_res_mask coarsen", MaskStage::Coarsen),
+        ("multi_res_mask widen", MaskStage::Widen { finer: false }),
+        (
+            "multi_res_mask widen finer",
+            MaskStage::Widen { finer: true },
+        ),
+        ("multi_res_mask list", MaskStage::List),
+        ("multi_res_mask stamp", MaskStage::Stamp),
+    ] {
+        all.add(name, source(stage)?);
+    }
+    Ok(())
 }

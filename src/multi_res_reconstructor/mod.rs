@@ -27,10 +27,11 @@ use crate::{
     },
     multi_res_mask::{settings::MultiResMaskSettings, view::MultiResView},
     receivers::{plane_bytes, plane_for},
+    shaders::{Listing, name_of},
     work::{LEVELS, level_size},
 };
 
-pub(crate) const SOURCE: &str = include_str!("../../wgsl/multi_res_reconstructor.wgsl");
+const SOURCE: &str = include_str!("../../wgsl/multi_res_reconstructor.wgsl");
 
 const LABEL: &str = "deep-screen-space multi-resolution reconstructor";
 
@@ -394,7 +395,7 @@ fn format(channels: Channels) -> TextureFormat {
 }
 
 /// Assembles the module of the levels, or that of the blend.
-pub(crate) fn source(channels: Channels, blend: bool) -> Result<String, Error> {
+fn source(channels: Channels, blend: bool) -> Result<String, Error> {
     let flags: Vec<&str> = [
         (channels == Channels::Three).then_some("COLOR"),
         blend.then_some("BLEND"),
@@ -403,4 +404,18 @@ pub(crate) fn source(channels: Channels, blend: bool) -> Result<String, Error> {
     .flatten()
     .collect();
     shader::assemble("multi_res_reconstructor", SOURCE, &flags, &[])
+}
+
+/// Every module of the pass.
+pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    for channels in [Channels::One, Channels::Three] {
+        for blend in [false, true] {
+            let name = name_of(
+                "multi_res_reconstructor",
+                &[(blend, "blend"), (channels == Channels::Three, "color")],
+            );
+            all.add(&name, source(channels, blend)?);
+        }
+    }
+    Ok(())
 }

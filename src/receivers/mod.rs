@@ -16,6 +16,7 @@ use crate::{
         binding::{self, FLOAT_2D, READ, UNIFORM, view, whole},
         compute_pass, shader, uniform,
     },
+    shaders::Listing,
     work::WorkList,
 };
 
@@ -263,7 +264,7 @@ fn layout(device: &Device, listed: bool) -> wgpu::BindGroupLayout {
 }
 
 /// The module for all pixels, or for listed ones.
-pub(crate) fn source(listed: bool) -> Result<String, Error> {
+fn source(listed: bool) -> Result<String, Error> {
     let flags: &[&str] = if listed { &["LIST"] } else { &[] };
     shader::assemble("receivers", SOURCE, flags, &[])
 }
@@ -284,4 +285,11 @@ fn kernel(
         cache,
     }
     .create(device)
+}
+
+/// Every module of the pass.
+pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    all.add("receivers", source(false)?);
+    all.add("receivers list", source(true)?);
+    Ok(())
 }

@@ -22,12 +22,13 @@ use crate::{
         shader, uniform,
     },
     receivers::{plane, plane_bytes},
+    shaders::Listing,
     shell_splatter::SplatView,
     surfel::SurfelCloud,
     work::{LEVELS, level_size},
 };
 
-pub(crate) const SOURCE: &str = include_str!("../../wgsl/reconstructor.wgsl");
+const SOURCE: &str = include_str!("../../wgsl/reconstructor.wgsl");
 
 const LABEL: &str = "deep-screen-space reconstructor";
 
@@ -379,7 +380,7 @@ pub(crate) enum ReconstructorVariant {
 }
 
 /// Assembles one of them.
-pub(crate) fn source(effect: &Effect, variant: ReconstructorVariant) -> Result<String, Error> {
+fn source(effect: &Effect, variant: ReconstructorVariant) -> Result<String, Error> {
     let mut flags = effect.flags();
     match variant {
         ReconstructorVariant::Smooth => flags.push("SMOOTH"),
@@ -389,4 +390,23 @@ pub(crate) fn source(effect: &Effect, variant: ReconstructorVariant) -> Result<S
         }
     }
     shader::assemble("reconstructor", SOURCE, &flags, &[effect.module()])
+}
+
+/// Every module of the pass.
+pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    let effect = all.effect;
+    for (name, variant) in [
+        ("reconstructor smooth", ReconstructorVariant::Smooth),
+        (
+            "reconstructor smoothed",
+            ReconstructorVariant::Reconstruct { smoothed: true },
+        ),
+        (
+            "reconstructor",
+            ReconstructorVariant::Reconstruct { smoothed: false },
+        ),
+    ] {
+        all.add(name, source(effect, variant)?);
+    }
+    Ok(())
 }

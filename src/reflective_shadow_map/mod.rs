@@ -17,9 +17,10 @@ use crate::{
     light::{Light, LightParams},
     receivers::{Receivers, ReceiversPass},
     sg_hull::gatherer::PolygonLight,
+    shaders::Listing,
 };
 
-pub(crate) const SOURCE: &str = include_str!("../../wgsl/reflective_shadow_map.wgsl");
+const SOURCE: &str = include_str!("../../wgsl/reflective_shadow_map.wgsl");
 
 const LABEL: &str = "deep-screen-space reflective shadow map";
 
@@ -194,4 +195,13 @@ impl ReflectiveShadowMap {
         pass.dispatch_workgroups(size[0].div_ceil(8), size[1].div_ceil(8), 1);
         Ok(())
     }
+}
+
+/// Every module of the pass.
+pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    all.add(
+        "reflective_shadow_map",
+        shader::assemble("reflective_shadow_map", SOURCE, &[], &[])?,
+    );
+    Ok(())
 }

@@ -19,10 +19,11 @@ use crate::{
         binding::{self, FLOAT_2D, UNIFORM, view, whole},
         check_timestamps, shader, uniform,
     },
+    shaders::Listing,
     work::{WorkKernel, WorkKernelDescriptor, WorkList, check_work},
 };
 
-pub(crate) const SOURCE: &str = include_str!("../../wgsl/screen_space_gi.wgsl");
+const SOURCE: &str = include_str!("../../wgsl/screen_space_gi.wgsl");
 
 const LABEL: &str = "deep-screen-space screen-space gi";
 
@@ -140,7 +141,14 @@ impl ScreenSpaceGi {
 }
 
 /// Assembles a module: for all pixels, or for those of a list.
-pub(crate) fn source(list: bool) -> Result<String, Error> {
+fn source(list: bool) -> Result<String, Error> {
     let flags: &[&str] = if list { &["LIST"] } else { &[] };
     shader::assemble("screen_space_gi", SOURCE, flags, &[])
+}
+
+/// Every module of the pass.
+pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    all.add("screen_space_gi", source(false)?);
+    all.add("screen_space_gi list", source(true)?);
+    Ok(())
 }

@@ -18,10 +18,11 @@ use crate::{
         sort::{Sort, SortBuffer},
         storage, uniform,
     },
+    shaders::Listing,
     surfel::SurfelCloud,
 };
 
-pub(crate) const SOURCE: &str = include_str!("../../wgsl/sender_bounds.wgsl");
+const SOURCE: &str = include_str!("../../wgsl/sender_bounds.wgsl");
 
 const LABEL: &str = "deep-screen-space sender bounds";
 
@@ -274,7 +275,7 @@ pub(crate) fn depth_offset(capacity: u32, depth: u32) -> u32 {
 }
 
 /// The modules that it is made of: for what comes before the sort, and for what comes after.
-pub(crate) fn source(plan: bool) -> Result<String, Error> {
+fn source(plan: bool) -> Result<String, Error> {
     let flags: &[&str] = if plan { &["PLAN"] } else { &[] };
     shader::assemble("sender_bounds", SOURCE, flags, &[])
 }
@@ -415,4 +416,11 @@ impl PieceBoundsPass {
         nodes.copy(encoder);
         leaves.copy(encoder);
     }
+}
+
+/// Every module of the pass.
+pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    all.add("sender_bounds plan", source(true)?);
+    all.add("sender_bounds build", source(false)?);
+    Ok(())
 }

@@ -31,6 +31,7 @@ use crate::{
         screen, shader, storage, uniform,
     },
     receivers::{Receivers, ReceiversPass, plane_bytes},
+    shaders::{Listing, name_of},
 };
 
 const LABEL: &str = "deep-screen-space hull";
@@ -928,7 +929,7 @@ pub(crate) struct HullVariant {
 }
 
 /// Assembles one of them.
-pub(crate) fn source(
+fn source(
     gatherer: &str,
     stage: HullStage,
     variant: HullVariant,
@@ -971,4 +972,40 @@ pub(crate) fn source(
         text: gatherer,
     };
     shader::assemble(name, text, &flags, &[gatherer])
+}
+
+/// Every module of the pass.
+pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    let plain = HullVariant::default();
+    for (name, stage) in [
+        ("sg_hull_segment", HullStage::Segment),
+        ("sg_hull_plan", HullStage::Plan),
+        ("sg_hull_place", HullStage::Place),
+        ("sg_hull_judge", HullStage::Judge),
+        ("sg_hull_split", HullStage::Split),
+    ] {
+        all.add(name, source("", stage, plain)?);
+    }
+    let gatherers = [
+        (gatherer::POLYGONS, "polygons"),
+        (gatherer::LIGHTS, "lights"),
+        (surfels::SURFELS, "surfels"),
+    ];
+    for (gatherer, name) in gatherers {
+        let source = source(gatherer, HullStage::Gather, plain)?;
+        all.add(&format!("sg_hull_gather {name}"), source);
+    }
+    for albedo in [false, true] {
+        for glossy in [false, true] {
+            let variant = HullVariant { albedo, glossy };
+            let flags = [(albedo, "albedo"), (glossy, "glossy")];
+            for (gatherer, name) in gatherers {
+                let name = name_of(&format!("sg_hull_exact {name}"), &flags);
+                all.add(&name, source(gatherer, HullStage::Exact, variant)?);
+            }
+            let name = name_of("sg_hull", &flags);
+            all.add(&name, source("", HullStage::Shade, variant)?);
+        }
+    }
+    Ok(())
 }

@@ -24,12 +24,13 @@ use crate::{
         check_timestamps, compute_pass, dispatch, shader, storage, uniform,
     },
     receivers::{ListedReceiversPass, Receivers, ReceiversPass, plane, plane_bytes},
+    shaders::{Listing, name_of},
     surfel::SurfelCloud,
     surfelizer::settings::Reach,
     work::{WorkList, level_size},
 };
 
-pub(crate) const SOURCE: &str = include_str!("../../wgsl/shell_splatter.wgsl");
+const SOURCE: &str = include_str!("../../wgsl/shell_splatter.wgsl");
 
 const LABEL: &str = "deep-screen-space shell splatter";
 
@@ -542,7 +543,7 @@ pub(crate) enum SplatVariant {
 }
 
 /// Assembles one of them.
-pub(crate) fn source(effect: &Effect, variant: SplatVariant) -> Result<String, Error> {
+fn source(effect: &Effect, variant: SplatVariant) -> Result<String, Error> {
     let mut flags = effect.flags();
     match variant {
         SplatVariant::Build => flags.push("BUILD"),
@@ -600,4 +601,30 @@ fn bounds_of(settings: &SplatSettings) -> SplatSettings {
         seed: 0,
         ..*settings
     }
+}
+
+/// Every module of the pass.
+pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    let effect = all.effect;
+    let build = source(effect, SplatVariant::Build)?;
+    all.add("shell_splatter build", build);
+    for subgroups in [false, true] {
+        for statistics in [false, true] {
+            let variant = SplatVariant::Splat {
+                subgroups,
+                statistics,
+            };
+            let name = name_of(
+                "shell_splatter splat",
+                &[(subgroups, "subgroups"), (statistics, "statistics")],
+            );
+            let source = source(effect, variant)?;
+            if subgroups {
+                all.add_for(wgpu::Features::SUBGROUP, &name, source);
+            } else {
+                all.add(&name, source);
+            }
+        }
+    }
+    Ok(())
 }

@@ -18,11 +18,12 @@ use crate::{
         check_timestamps, shader, uniform,
     },
     light::Light,
+    shaders::Listing,
     surfel_shader::{ShadowMap, params::ShadowParams},
     work::{WorkKernel, WorkKernelDescriptor, WorkList, check_work},
 };
 
-pub(crate) const SOURCE: &str = include_str!("../../wgsl/soft_shadows.wgsl");
+const SOURCE: &str = include_str!("../../wgsl/soft_shadows.wgsl");
 
 const LABEL: &str = "deep-screen-space soft shadows";
 
@@ -161,7 +162,14 @@ impl SoftShadows {
 }
 
 /// Assembles a module: for all pixels, or for those of a list.
-pub(crate) fn source(list: bool) -> Result<String, Error> {
+fn source(list: bool) -> Result<String, Error> {
     let flags: &[&str] = if list { &["LIST"] } else { &[] };
     shader::assemble("soft_shadows", SOURCE, flags, &[])
+}
+
+/// Every module of the pass.
+pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    all.add("soft_shadows", source(false)?);
+    all.add("soft_shadows list", source(true)?);
+    Ok(())
 }

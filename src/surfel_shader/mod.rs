@@ -24,11 +24,12 @@ use crate::{
     },
     light::Light,
     sender_bounds::SenderBounds,
+    shaders::{Listing, name_of},
     surfel::{SurfelCloud, SurfelRadiance},
     surfelizer::settings::Placement,
 };
 
-pub(crate) const SOURCE: &str = include_str!("../../wgsl/surfel_shader.wgsl");
+const SOURCE: &str = include_str!("../../wgsl/surfel_shader.wgsl");
 
 const LABEL: &str = "deep-screen-space surfel shader";
 
@@ -394,7 +395,7 @@ pub(crate) struct ShadeVariant {
 }
 
 /// Assembles one of them.
-pub(crate) fn source(variant: ShadeVariant) -> Result<String, Error> {
+fn source(variant: ShadeVariant) -> Result<String, Error> {
     let mut flags = Vec::new();
     match variant.shadow {
         ShadowKind::None => {}
@@ -438,6 +439,21 @@ fn check_buffers(device: &Device, input: &SurfelShaderInput<'_>) -> Result<(), E
             found: "a buffer that is read".into(),
             needed: "a buffer of its own".into(),
         });
+    }
+    Ok(())
+}
+
+/// Every module of the pass.
+pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    for (shadow, name) in [
+        (ShadowKind::None, "surfel_shader"),
+        (ShadowKind::Map, "surfel_shader shadow map"),
+        (ShadowKind::Traced, "surfel_shader shadow traced"),
+    ] {
+        for samples in [false, true] {
+            let name = name_of(name, &[(samples, "samples")]);
+            all.add(&name, source(ShadeVariant { shadow, samples })?);
+        }
     }
     Ok(())
 }

@@ -23,10 +23,11 @@ use crate::{
         scan::Scan,
         shader, uniform,
     },
+    shaders::Listing,
     surfel::{CloudCapacity, SurfelCloud},
 };
 
-pub(crate) const SOURCE: &str = include_str!("../../wgsl/surfelizer.wgsl");
+const SOURCE: &str = include_str!("../../wgsl/surfelizer.wgsl");
 
 const LABEL: &str = "deep-screen-space surfelizer";
 
@@ -311,4 +312,13 @@ fn window(buffer: &Buffer, window: Window) -> BindingResource<'_> {
         offset: window.offset,
         size: std::num::NonZeroU64::new(window.size),
     })
+}
+
+/// Every module of the pass.
+pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    all.add(
+        "surfelizer",
+        shader::assemble("surfelizer", SOURCE, &[], &[])?,
+    );
+    Ok(())
 }

@@ -22,9 +22,10 @@ use crate::{
         shader, uniform,
     },
     receivers::{Receivers, ReceiversPass, plane, plane_bytes},
+    shaders::Listing,
 };
 
-pub(crate) const SOURCE: &str = include_str!("../../wgsl/temporal_accumulator.wgsl");
+const SOURCE: &str = include_str!("../../wgsl/temporal_accumulator.wgsl");
 
 const LABEL: &str = "deep-screen-space temporal accumulator";
 
@@ -413,7 +414,7 @@ pub(crate) enum TemporalVariant {
 }
 
 /// Assembles one of them.
-pub(crate) fn source(channels: Channels, variant: TemporalVariant) -> Result<String, Error> {
+fn source(channels: Channels, variant: TemporalVariant) -> Result<String, Error> {
     let mut flags = Vec::new();
     if channels == Channels::Three {
         flags.push("COLOR");
@@ -423,4 +424,22 @@ pub(crate) fn source(channels: Channels, variant: TemporalVariant) -> Result<Str
         flags.extend(motion.then_some("MOTION"));
     }
     shader::assemble("temporal_accumulator", SOURCE, &flags, &[])
+}
+
+/// Every module of the pass.
+pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    for (name, variant) in [
+        (
+            "temporal_accumulator",
+            TemporalVariant::Accumulate { motion: false },
+        ),
+        (
+            "temporal_accumulator motion",
+            TemporalVariant::Accumulate { motion: true },
+        ),
+        ("temporal_accumulator show", TemporalVariant::Show),
+    ] {
+        all.add(name, source(all.effect.channels, variant)?);
+    }
+    Ok(())
 }

@@ -23,10 +23,11 @@ use crate::{
         binding::{self, FLOAT_2D, READ, UNIFORM, view, whole},
         check_timestamps, shader, uniform,
     },
+    shaders::{Listing, name_of},
     work::{WorkKernel, WorkKernelDescriptor, WorkList, check_work},
 };
 
-pub(crate) const SOURCE: &str = include_str!("../../wgsl/volumetric_obscurance.wgsl");
+const SOURCE: &str = include_str!("../../wgsl/volumetric_obscurance.wgsl");
 
 const LABEL: &str = "deep-screen-space volumetric obscurance";
 
@@ -284,7 +285,7 @@ impl ObscuranceVariant {
     }
 }
 
-pub(crate) fn source(variant: ObscuranceVariant) -> Result<String, Error> {
+fn source(variant: ObscuranceVariant) -> Result<String, Error> {
     let flags = [
         (variant.normals, "NORMALS"),
         (variant.areas, "AREAS"),
@@ -292,4 +293,25 @@ pub(crate) fn source(variant: ObscuranceVariant) -> Result<String, Error> {
     ];
     let flags: Vec<_> = flags.iter().filter(|f| f.0).map(|f| f.1).collect();
     shader::assemble("volumetric_obscurance", SOURCE, &flags, &[])
+}
+
+/// Every module of the pass.
+pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    for normals in [false, true] {
+        for areas in [false, true] {
+            for list in [false, true] {
+                let name = name_of(
+                    "volumetric_obscurance",
+                    &[(normals, "normals"), (areas, "areas"), (list, "list")],
+                );
+                let variant = ObscuranceVariant {
+                    normals,
+                    areas,
+                    list,
+                };
+                all.add(&name, source(variant)?);
+            }
+        }
+    }
+    Ok(())
 }
