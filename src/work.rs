@@ -3,19 +3,18 @@
 use wgpu::{
     BindGroupLayout, BindingResource, BindingType, Buffer, BufferUsages, CommandEncoder,
     ComputePipeline, Device, PipelineCache, ShaderStages, TextureFormat, TextureUsages,
-    TextureView,
 };
 
 use crate::{
     camera::Viewport,
     error::{Error, check_setting},
-    gbuffer::check_plain,
     geometry::{check_size, check_usage},
     gpu::{
         Kernel, Timestamps,
         binding::{self, READ, whole},
         compute_pass, shader,
     },
+    texture_slice::{TextureSlice, check_slice},
 };
 
 /// Sub-images that there can be: 1, 1/2, 1/4 and 1/8 of the image's width and height.
@@ -75,7 +74,7 @@ pub(crate) fn check_work(
     name: &'static str,
     work: Option<&WorkList<'_>>,
     viewport: Viewport,
-    target: &TextureView,
+    target: &TextureSlice<'_>,
     format: TextureFormat,
 ) -> Result<u32, Error> {
     if let Some(work) = work {
@@ -84,8 +83,8 @@ pub(crate) fn check_work(
     let level = work.map_or(0, |work| work.level);
     let [width, height] = level_size([viewport.width, viewport.height], level);
     let needed = Viewport::full(width, height);
-    check_plain(name, target, needed, TextureUsages::STORAGE_BINDING)?;
-    let found = target.texture().format();
+    check_slice(name, target, needed, TextureUsages::STORAGE_BINDING)?;
+    let found = target.view_format();
     if found != format {
         return Err(Error::Format {
             name,

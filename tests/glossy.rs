@@ -228,6 +228,7 @@ impl Stage {
         target: &TextureView,
     ) -> Result<BouncedView, Error> {
         let device = &self.gpu.device;
+        let roughness = roughness.map(|view| view.texture().into());
         let payload = usize::from(job.payload == Payload::Radiance);
         let bounced = &self.bounced[payload];
         let made = &self.reconstructors[payload][usize::from(job.deferred)];
@@ -267,7 +268,7 @@ impl Stage {
             cloud: &self.cloud,
             hits: &view,
             traced: &traced,
-            target,
+            target: target.texture().into(),
             timestamps: None,
         };
         let settings = HitReconstructorSettings {
@@ -773,8 +774,8 @@ fn viewports_and_formats() {
     let normal = gpu.texture(TextureFormat::Rgba32Float, width, height, &normal);
     let rough = gpu.texture(TextureFormat::Rgba8Unorm, width, height, &bytes);
     let gbuffer = GBuffer {
-        depth: &depth,
-        normal: &normal,
+        depth: depth.texture().into(),
+        normal: normal.texture().into(),
         ..stage.shot.gbuffer()
     };
     let viewport = Viewport {

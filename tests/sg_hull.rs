@@ -118,7 +118,7 @@ fn record(
         origin: shot.camera.eye(),
         gather: Some(gather),
         roughness: None,
-        target: &target,
+        target: target.texture().into(),
         timestamps: None,
     };
     hull.record(device, &mut encoder, &input, settings, &view)
@@ -948,8 +948,8 @@ fn polygons_have_their_form_factor() {
     let target = gpu.target(FORMAT, 32, 32);
     let input = SgHullInput {
         gbuffer: deep_screen_space::GBuffer {
-            depth: &depth,
-            normal: &normal,
+            depth: depth.texture().into(),
+            normal: normal.texture().into(),
             normal_encoding: deep_screen_space::NormalEncoding::Signed,
             normal_space: deep_screen_space::NormalSpace::World,
             albedo: None,
@@ -958,7 +958,7 @@ fn polygons_have_their_form_factor() {
         origin: camera.eye(),
         gather: Some(&gather),
         roughness: None,
-        target: &target,
+        target: target.texture().into(),
         timestamps: None,
     };
     // Four quarters: F = 2 / π · a/√(1+a²) · atan(a/√(1+a²)) each of side a = 1 at height 1, over four of them.
@@ -1051,7 +1051,7 @@ fn what_does_not_fit_is_refused() {
         origin: shot.camera.eye(),
         gather: Some(&gather),
         roughness: None,
-        target: &target,
+        target: target.texture().into(),
         timestamps: None,
     };
     let settings = SgHullSettings::default();
@@ -1064,7 +1064,7 @@ fn what_does_not_fit_is_refused() {
     };
     refused(record(&input), "Mismatch", "SgHullInput::gather");
     let input = SgHullInput {
-        target: &other,
+        target: other.texture().into(),
         ..good
     };
     refused(record(&input), "Mismatch", "Rgba16Float");

@@ -313,7 +313,7 @@ fn cube(eye: DVec3, texels: u32, near: f64) -> Vec<Camera> {
 
 /// A shadow map, and its texels where they can be read.
 struct DepthMap {
-    view: wgpu::TextureView,
+    texture: wgpu::Texture,
     size: u32,
     depth: Vec<Vec<f32>>,
     step: f64,
@@ -347,7 +347,7 @@ impl DepthMap {
             _ => (Vec::new(), 0.0),
         };
         Self {
-            view: shadow::view(&texture),
+            texture,
             size,
             depth,
             step,
@@ -479,7 +479,7 @@ fn gpu_is_its_mirror() {
             .zip(&maps)
             .map(|((light, cameras, ..), map)| ShadedLight {
                 light: *light,
-                shadow: Shadow::Map(ShadowMap::new(&map.view, cameras)),
+                shadow: Shadow::Map(ShadowMap::new(&map.texture, cameras)),
             })
             .collect();
         let expected: Vec<mirror::ShadedLight<'_>> = lights
@@ -687,7 +687,7 @@ fn shadow_maps_of_all_conventions() {
             let shaded = |shadow| ShadedLight { light, shadow };
             let shadow = Shadow::Map(ShadowMap {
                 bias,
-                ..ShadowMap::new(&map.view, &cameras)
+                ..ShadowMap::new(&map.texture, &cameras)
             });
             let with = lab.shade(&lit, &grey, &[shaded(shadow)], 1);
             let without = lab.shade(&lit, &grey, &[shaded(Shadow::None)], 1);
@@ -748,7 +748,7 @@ fn maps_meet_without_seams() {
                 lab.shade(&lit, &grey, &[ShadedLight { light, shadow }], 4)
             };
             let whole = by(Shadow::None);
-            let found = by(Shadow::Map(ShadowMap::new(&map.view, &cameras)));
+            let found = by(Shadow::Map(ShadowMap::new(&map.texture, &cameras)));
             assert!(whole.iter().all(|r| r.front[0] > 0.0), "{eye} {size}");
             let dark = found.iter().zip(&whole).filter(|(a, b)| a != b).count();
             println!("{eye} {size} texels: {dark} of {}", whole.len());
@@ -765,7 +765,7 @@ fn maps_meet_without_seams() {
         let map = DepthMap::draw(&lab.gpu, &closed, &cameras, 64, format);
         let shaded = ShadedLight {
             light: point(eye, [1.0; 3]),
-            shadow: Shadow::Map(ShadowMap::new(&map.view, &cameras)),
+            shadow: Shadow::Map(ShadowMap::new(&map.texture, &cameras)),
         };
         let found = lab.shade(&lit, &grey, &[shaded], 4);
         let lit = found.iter().filter(|r| r.front != [0.0; 3]).count();
@@ -787,7 +787,7 @@ fn maps_meet_without_seams() {
         let light = point(DVec3::ZERO, [1.0; 3]);
         lab.shade(&lit, &grey, &[ShadedLight { light, shadow }], 1)
     };
-    let map = Shadow::Map(ShadowMap::new(&map.view, &blind));
+    let map = Shadow::Map(ShadowMap::new(&map.texture, &blind));
     assert_eq!(by(map), by(Shadow::None));
 }
 
@@ -807,7 +807,7 @@ fn maps_come_near_traced_shadows() {
         let cameras = cube(eye, size, 0.01);
         let format = wgpu::TextureFormat::Depth32Float;
         let map = DepthMap::draw(&lab.gpu, &scene, &cameras, size, format);
-        let shadow = Shadow::Map(ShadowMap::new(&map.view, &cameras));
+        let shadow = Shadow::Map(ShadowMap::new(&map.texture, &cameras));
         let found = lab.shade(&lit, &materials, &[ShadedLight { light, shadow }], 1);
         let mut wrong = 0;
         for (surfel, found) in lit.surfels.iter().zip(&found) {
@@ -1003,7 +1003,7 @@ fn samples_average_edges() {
     for samples in [1, 2, 4, 8, 16] {
         let shaded = ShadedLight {
             light,
-            shadow: Shadow::Map(ShadowMap::new(&map.view, &cameras)),
+            shadow: Shadow::Map(ShadowMap::new(&map.texture, &cameras)),
         };
         let found = lab.shade(&lit, &[material([1.0; 3], [0.0; 3])], &[shaded], samples);
         let error = (found
@@ -1144,7 +1144,7 @@ fn place_and_scale_do_not_matter() {
             &[material(ALBEDO, [0.0; 3])],
             &[ShadedLight {
                 light,
-                shadow: Shadow::Map(ShadowMap::new(&map.view, &cameras)),
+                shadow: Shadow::Map(ShadowMap::new(&map.texture, &cameras)),
             }],
             1,
         );
@@ -1338,7 +1338,7 @@ fn what_does_not_fit_is_a_typed_error() {
         let lights = [ShadedLight {
             light: point(DVec3::Y, [1.0; 3]),
             shadow: Shadow::Map(ShadowMap {
-                depth,
+                depth: depth.texture().into(),
                 cameras,
                 bias,
             }),

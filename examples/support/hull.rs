@@ -209,8 +209,8 @@ impl HullRenderer {
             camera,
             origin: camera.eye(),
             gather: Some(lights),
-            roughness: self.roughness.as_ref(),
-            target: &self.target,
+            roughness: self.roughness.as_ref().map(|view| view.texture().into()),
+            target: self.target.texture().into(),
             timestamps: None,
         }
     }

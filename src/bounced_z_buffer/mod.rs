@@ -7,7 +7,7 @@ pub(crate) mod view;
 
 use wgpu::{
     BindGroupLayout, BindingType, Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device,
-    PipelineCache, ShaderStages, TextureFormat, TextureView, TextureViewDimension,
+    PipelineCache, ShaderStages, TextureFormat, TextureViewDimension,
 };
 
 use self::{
@@ -31,6 +31,7 @@ use crate::{
     shaders::{Listing, name_of},
     surfel::{SurfelCloud, SurfelRadiance},
     surfelizer::settings::Placement,
+    texture_slice::TextureSlice,
 };
 
 const SOURCE: &str = include_str!("../../wgsl/bounced_z_buffer.wgsl");
@@ -74,7 +75,7 @@ pub struct BouncedInput<'a> {
     /// covering the camera's viewport. Values beyond 0…1 are clamped, NaN counts as 1; α is at least 1e-3, below which
     /// `f32` cannot tell a lobe's directions apart. A shading normal that faces away from the viewer is seen from just
     /// above its horizon.
-    pub roughness: Option<&'a TextureView>,
+    pub roughness: Option<TextureSlice<'a>>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -333,7 +334,12 @@ impl BouncedZBuffer {
         if let Some(statistics) = &view.statistics {
             resources.push((10, whole(statistics)));
         }
-        resources.extend(roughness.map(|roughness| (12, binding::view(roughness))));
+        let roughness = roughness.map(|slice| slice.read());
+        resources.extend(
+            roughness
+                .as_ref()
+                .map(|roughness| (12, binding::view(roughness))),
+        );
         let group = binding::group(device, LABEL, &self.layout, &resources);
         let mut pass = compute_pass(encoder, LABEL, input.timestamps);
         // Bits were cleared; a layer of colours cannot be, and without directions gets one that meets nothing.

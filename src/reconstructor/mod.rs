@@ -5,7 +5,7 @@ pub(crate) mod settings;
 
 use wgpu::{
     BindingType, CommandEncoder, ComputePipeline, Device, PipelineCache, RenderPipeline,
-    ShaderStages, TextureFormat, TextureUsages, TextureView, TextureViewDimension,
+    ShaderStages, TextureFormat, TextureView, TextureViewDimension,
 };
 
 use self::{params::ReconstructorParams, settings::ReconstructorSettings};
@@ -13,7 +13,7 @@ use crate::{
     camera::{Camera, Viewport},
     effect::Effect,
     error::{Error, check_setting},
-    gbuffer::{GBuffer, check_plain},
+    gbuffer::GBuffer,
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_2D, FLOAT_ARRAY, UINT_2D, UNIFORM, view, whole},
@@ -25,6 +25,7 @@ use crate::{
     shaders::Listing,
     shell_splatter::SplatView,
     surfel::SurfelCloud,
+    texture_slice::{TextureSlice, check_apart},
     work::{LEVELS, level_size},
 };
 
@@ -96,7 +97,7 @@ pub struct ReconstructorInput<'a> {
     /// The caller's texture, of the format that the reconstructor was made for, usage `RENDER_ATTACHMENT`, covering the
     /// camera's viewport, or having a sub-image's pixels from the corner. Only these are written. What a work list left
     /// out gets what the effect makes of the sky.
-    pub target: &'a TextureView,
+    pub target: TextureSlice<'a>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -270,9 +271,9 @@ impl Reconstructor {
         let mut resources = shared.to_vec();
         resources.push((2, view(input.sums.sums())));
         resources.extend(smoothing.map(|scratch| (3, view(&scratch.total))));
-        if self.effect.albedo {
-            resources.extend(input.gbuffer.albedo.map(|albedo| (4, view(albedo))));
-        }
+        let albedo = input.gbuffer.albedo.filter(|_| self.effect.albedo);
+        let albedo = albedo.map(|slice| slice.read());
+        resources.extend(albedo.as_ref().map(|albedo| (4, view(albedo))));
         let group = binding::group(
             device,
             LABEL,
@@ -283,7 +284,7 @@ impl Reconstructor {
             encoder,
             LABEL,
             (&self.reconstruct[smoothed], &group),
-            input.target,
+            &input.target,
             viewport,
             input.timestamps,
             smoothing.is_none(),
@@ -310,22 +311,11 @@ impl Reconstructor {
             viewport = Viewport::full(width, height);
         }
         let size = [viewport.width, viewport.height];
-        check_plain(
-            "ReconstructorInput::target",
-            input.target,
-            viewport,
-            TextureUsages::RENDER_ATTACHMENT,
-        )?;
-        let format = input.target.texture().format();
-        if format != self.target {
-            return Err(Error::Mismatch {
-                name: "Reconstructor",
-                found: format!("{:?}", self.target),
-                needed: format!("{format:?}"),
-            });
-        }
+        const TARGET: &str = "ReconstructorInput::target";
+        screen::check_target(TARGET, &input.target, viewport, self.target)?;
         if self.effect.albedo {
             input.gbuffer.validate(whole)?;
+            check_apart(TARGET, &input.target, input.gbuffer.reads())?;
             if input.gbuffer.albedo.is_none() {
                 return Err(Error::Mismatch {
                     name: "GBuffer",

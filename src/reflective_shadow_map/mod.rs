@@ -185,7 +185,7 @@ impl ReflectiveShadowMap {
             &[
                 (0, whole(&params)),
                 (1, view(&map.receivers.view)),
-                (2, view(albedo)),
+                (2, view(&albedo.read())),
                 (3, whole(&map.lights)),
             ],
         );

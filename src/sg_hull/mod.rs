@@ -8,9 +8,9 @@ pub(crate) mod surfels;
 
 use glam::DVec3;
 use wgpu::{
-    BindGroup, BindGroupLayout, BindingResource, BindingType, Buffer, BufferUsages, CommandEncoder,
-    ComputePass, ComputePipeline, Device, PipelineCache, RenderPipeline, ShaderStages,
-    TextureFormat, TextureUsages, TextureView,
+    BindGroup, BindGroupLayout, BindingType, Buffer, BufferUsages, CommandEncoder, ComputePass,
+    ComputePipeline, Device, PipelineCache, RenderPipeline, ShaderStages, TextureFormat,
+    TextureView,
 };
 
 pub use self::params::{HullSegment, HullVertex, SgHullCounts};
@@ -22,7 +22,7 @@ use self::{
 use crate::{
     camera::Camera,
     error::Error,
-    gbuffer::{GBuffer, check_plain, check_roughness},
+    gbuffer::{GBuffer, check_roughness},
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_2D, READ, UINT_2D, UNIFORM, WRITE, view, whole},
@@ -32,6 +32,7 @@ use crate::{
     },
     receivers::{Receivers, ReceiversPass, plane_bytes},
     shaders::{Listing, name_of},
+    texture_slice::{TextureSlice, check_apart},
 };
 
 const LABEL: &str = "deep-screen-space hull";
@@ -214,11 +215,11 @@ pub struct SgHullInput<'a> {
     pub gather: Option<&'a BindGroup>,
     /// With [`SgHullDescriptor::glossy`] the G-buffer's roughness, as
     /// [`BouncedInput::roughness`](crate::BouncedInput::roughness). Not read otherwise.
-    pub roughness: Option<&'a TextureView>,
+    pub roughness: Option<TextureSlice<'a>>,
     /// The caller's texture, of the format that the hull was made for, usage `RENDER_ATTACHMENT`, covering the camera's
     /// viewport. Only the viewport is written: reflected radiance, `albedo / π` times irradiance and what a glossy
     /// surface adds, W/(m² sr), and 1; black for the sky.
-    pub target: &'a TextureView,
+    pub target: TextureSlice<'a>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -552,6 +553,7 @@ impl SgHull {
         hull: &SgHullView,
     ) -> Result<(), Error> {
         let (params, surface) = self.prepare(device, encoder, input, settings, hull)?;
+        let surface: Vec<_> = surface.iter().map(|(at, v)| (*at, view(v))).collect();
         encoder.clear_buffer(&hull.counts, 0, None);
         let shared = [(0, whole(&params)), (1, view(&hull.receivers.view))];
         let group = |layout, entries: &[_]| {
@@ -682,7 +684,7 @@ impl SgHull {
         let mut pass = screen::begin(
             encoder,
             LABEL,
-            input.target,
+            &input.target,
             input.camera.viewport(),
             input.timestamps,
             false,
@@ -727,13 +729,14 @@ impl SgHull {
         hull: &SgHullView,
     ) -> Result<(), Error> {
         let (params, surface) = self.prepare(device, encoder, input, settings, hull)?;
+        let surface: Vec<_> = surface.iter().map(|(at, v)| (*at, view(v))).collect();
         let mut resources = vec![(0, whole(&params)), (1, view(&hull.receivers.view))];
         resources.extend(surface);
         let group = binding::group(device, LABEL, &self.exact_layout, &resources);
         let mut pass = screen::begin(
             encoder,
             LABEL,
-            input.target,
+            &input.target,
             input.camera.viewport(),
             input.timestamps,
             true,
@@ -748,24 +751,20 @@ impl SgHull {
     }
 
     /// Checks the input, records its receivers and makes the parameters, and what is bound of the surfaces' reflectance.
-    fn prepare<'v>(
+    fn prepare(
         &self,
         device: &Device,
         encoder: &mut CommandEncoder,
-        input: &SgHullInput<'v>,
+        input: &SgHullInput<'_>,
         settings: &SgHullSettings,
         hull: &SgHullView,
-    ) -> Result<(Buffer, Vec<(u32, BindingResource<'v>)>), Error> {
+    ) -> Result<(Buffer, Vec<(u32, TextureView)>), Error> {
         settings.validate()?;
         check_timestamps(input.timestamps)?;
         let viewport = input.camera.viewport();
         input.gbuffer.validate(viewport)?;
-        check_plain(
-            "SgHullInput::target",
-            input.target,
-            viewport,
-            TextureUsages::RENDER_ATTACHMENT,
-        )?;
+        const TARGET: &str = "SgHullInput::target";
+        screen::check_target(TARGET, &input.target, viewport, self.target)?;
         let mismatch = |name, found: String, needed: String| {
             Err(Error::Mismatch {
                 name,
@@ -773,14 +772,6 @@ impl SgHull {
                 needed,
             })
         };
-        let format = input.target.texture().format();
-        if format != self.target {
-            return mismatch(
-                "SgHull",
-                format!("{:?}", self.target),
-                format!("{format:?}"),
-            );
-        }
         let HullVariant { albedo, glossy } = self.variant;
         if albedo && input.gbuffer.albedo.is_none() {
             return mismatch(
@@ -795,6 +786,8 @@ impl SgHull {
             glossy.then_some("SgHullDescriptor::glossy"),
             viewport,
         )?;
+        let read = input.roughness.map(|r| ("SgHullInput::roughness", r, 1));
+        check_apart(TARGET, &input.target, input.gbuffer.reads().chain(read))?;
         if self.bound != input.gather.is_some() {
             return mismatch(
                 "SgHullInput::gather",
@@ -839,8 +832,8 @@ impl SgHull {
         );
         let albedo = input.gbuffer.albedo.filter(|_| albedo);
         let surface = [
-            albedo.map(|v| (6, view(v))),
-            roughness.map(|v| (7, view(v))),
+            albedo.map(|slice| (6, slice.read())),
+            roughness.map(|slice| (7, slice.read())),
         ];
         Ok((params, surface.into_iter().flatten().collect()))
     }
@@ -929,11 +922,7 @@ pub(crate) struct HullVariant {
 }
 
 /// Assembles one of them.
-fn source(
-    gatherer: &str,
-    stage: HullStage,
-    variant: HullVariant,
-) -> Result<String, Error> {
+fn source(gatherer: &str, stage: HullStage, variant: HullVariant) -> Result<String, Error> {
     let (name, text) = match stage {
         HullStage::Segment => (
             "sg_hull_segment",

@@ -27,6 +27,7 @@ use crate::{
     shaders::{Listing, name_of},
     surfel::{SurfelCloud, SurfelRadiance},
     surfelizer::settings::Placement,
+    texture_slice::{Read, TextureSlice, check_layers},
 };
 
 const SOURCE: &str = include_str!("../../wgsl/surfel_shader.wgsl");
@@ -75,9 +76,10 @@ pub enum Shadow<'a> {
 /// coarsest) and is in shadow where the depth there is nearer than its own. Outside of all frusta it is lit.
 #[derive(Clone, Copy, Debug)]
 pub struct ShadowMap<'a> {
-    /// A `D2Array` view, also of a texture with one layer: a depth format (of one with stencil the depth aspect alone),
-    /// or `R32Float` with the same values. Usage `TEXTURE_BINDING`, one sample a texel.
-    pub depth: &'a TextureView,
+    /// The layer of the first camera; those of the others follow it. A whole map, a range of an array's layers, some of a
+    /// cube's faces or all six: a depth format (of one with stencil the depth is read), or `R32Float` with the same values.
+    /// Usage `TEXTURE_BINDING`, one sample a texel.
+    pub depth: TextureSlice<'a>,
     /// What the layers were drawn with, in order, 1…6: one for a directional or spot light, six for a point light. A
     /// camera's viewport says which rectangle of its layer it fills. Depth is what the camera's projection makes of it:
     /// forward or reversed, perspective or orthographic.
@@ -93,9 +95,9 @@ pub struct ShadowMap<'a> {
 
 impl<'a> ShadowMap<'a> {
     /// A map with the default bias.
-    pub fn new(depth: &'a TextureView, cameras: &'a [Camera]) -> Self {
+    pub fn new(depth: impl Into<TextureSlice<'a>>, cameras: &'a [Camera]) -> Self {
         Self {
-            depth,
+            depth: depth.into(),
             cameras,
             bias: 1.0,
         }
@@ -119,8 +121,9 @@ impl<'a> ShadowMap<'a> {
             self.bias,
             "0 to 100 texels",
         )?;
-        let texture = self.depth.texture();
-        let format = texture.format();
+        let layers = self.cameras.len() as u32;
+        check_layers(DEPTH, &self.depth, layers, TextureUsages::TEXTURE_BINDING)?;
+        let format = self.depth.view_format();
         if !(format.has_depth_aspect() || format == wgpu::TextureFormat::R32Float) {
             return Err(Error::Format {
                 name: DEPTH,
@@ -128,39 +131,27 @@ impl<'a> ShadowMap<'a> {
                 accepted: "a depth format or R32Float",
             });
         }
-        if !texture.usage().contains(TextureUsages::TEXTURE_BINDING) {
-            return Err(Error::Usage {
-                name: DEPTH,
-                usage: texture.usage(),
-                needed: TextureUsages::TEXTURE_BINDING,
-            });
-        }
-        let layers = texture.depth_or_array_layers() as usize;
-        if texture.dimension() != wgpu::TextureDimension::D2
-            || texture.sample_count() != 1
-            || layers < self.cameras.len()
-        {
-            return Err(Error::Shape {
-                name: DEPTH,
-                found: format!(
-                    "dimension {:?}, {layers} layers, {} samples a texel",
-                    texture.dimension(),
-                    texture.sample_count()
-                ),
-                needed: "a 2-D texture with a layer a camera and one sample a texel",
-            });
-        }
+        let size = self.depth.size();
         for camera in self.cameras {
             let needed = camera.viewport().end();
-            if texture.width() < needed[0] || texture.height() < needed[1] {
+            if size[0] < needed[0] || size[1] < needed[1] {
                 return Err(Error::Size {
                     name: DEPTH,
-                    size: [texture.width(), texture.height()],
+                    size,
                     needed,
                 });
             }
         }
         Ok(())
+    }
+
+    /// A view of the cameras' layers.
+    pub(crate) fn view(&self) -> TextureView {
+        self.depth.read_layers(self.cameras.len() as u32)
+    }
+
+    pub(crate) fn reads(&self) -> Read<'_> {
+        ("ShadowMap::depth", self.depth, self.cameras.len() as u32)
     }
 }
 
@@ -321,11 +312,12 @@ impl SurfelShader {
         if samples > 1 {
             resources.push((6, whole(&cloud.pieces)));
         }
-        let shadow;
+        let (shadow, depth);
         let kernels = match shaded.map(|s| &s.shadow) {
             Some(Shadow::Map(map)) => {
                 shadow = uniform(device, LABEL, &ShadowParams::new(map, cloud.origin));
-                resources.extend([(7, whole(&shadow)), (8, view(map.depth))]);
+                depth = map.view();
+                resources.extend([(7, whole(&shadow)), (8, view(&depth))]);
                 &self.mapped
             }
             Some(Shadow::Traced(bounds)) => {

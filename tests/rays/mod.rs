@@ -292,7 +292,7 @@ impl Lab {
             cloud: &senders.cloud,
             hits,
             traced,
-            target: &target,
+            target: target.texture().into(),
             timestamps: None,
             roughness: None,
         };
