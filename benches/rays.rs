@@ -220,7 +220,7 @@ fn cpu_hits(tracer: &Tracer, receivers: &[Option<Receiver>], width: u32) -> usiz
         .map(|(i, at)| {
             let Some(at) = at else { return 0 };
             let pixel = [i as u32 % width, i as u32 / width];
-            let origin = at.position + at.geometric_normal * tracer.epsilon();
+            let origin = tracer.start(at.position, at.geometric_normal);
             (0..DIRECTIONS)
                 .filter(|&index| {
                     let point = cell_point(pixel, index, GRID, 0);

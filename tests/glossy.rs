@@ -309,7 +309,7 @@ impl Stage {
     fn arriving(&self, payload: Payload, pixel: &Pixel, direction: DVec3) -> DVec3 {
         let tracer = &self.shot.tracer;
         let at = pixel.receiver;
-        let origin = at.position + at.shading_normal * tracer.epsilon();
+        let origin = tracer.start(at.position, at.shading_normal);
         let hit = tracer.first_hit(origin, direction, 0.0, f64::INFINITY);
         if payload == Payload::Occlusion {
             return DVec3::splat(f64::from(u8::from(hit.is_none())));

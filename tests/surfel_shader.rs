@@ -1,5 +1,6 @@
 //! The `SurfelShader`: GPU against the f64 mirror, against closed forms and traced shadows, and at the extremes.
 
+mod rays;
 mod shot;
 
 #[path = "../examples/support/mod.rs"]
@@ -950,6 +951,57 @@ fn traced_shadows_are_the_tracers() {
                 ..
             })
         ));
+    }
+}
+
+/// Lamps on and near the surfaces of a hall that hides nothing from them, from near and from far, lose no light to shadows
+/// along rays. 1 surfel in 500 may lie beyond a corner by a rounding.
+#[test]
+fn traced_shadows_of_lamps_on_surfaces_take_nothing() {
+    let lab = Lab::new();
+    let device = &lab.gpu.device;
+    let tracing =
+        BouncedZBuffer::new(device, &BouncedDescriptor::default(), None).expect("pipelines");
+    let scene = rays::hall(&scenes::cornell());
+    let materials = scene.material_table();
+    for (distance, vfov) in [(-2.0, 60.0), (1e3, 0.5), (1e4, 0.05)] {
+        let camera = Camera::look_at(
+            DVec3::new(0.0, 1.7, 20.0 + distance),
+            DVec3::new(0.0, 3.0, 0.0),
+            DVec3::Y,
+            perspective(vfov, 1.0, f64::max(distance - 10.0, 0.1)),
+            Viewport::full(48, 48),
+        )
+        .expect("a camera");
+        let lit = lab.cloud(&scene, &camera, &SurfelizerSettings::default());
+        let bounds = tracing.create_bounds(device, &lit.cloud).expect("bounds");
+        let mut encoder = lab.gpu.encoder();
+        tracing
+            .record_bounds(device, &mut encoder, &lit.cloud, &bounds, None)
+            .expect("bounds");
+        lab.gpu.finish(encoder);
+        for light in rays::lamps() {
+            for samples in [1, 4] {
+                let shade =
+                    |shadow| lab.shade(&lit, &materials, &[ShadedLight { light, shadow }], samples);
+                let all = shade(Shadow::None);
+                let found = shade(Shadow::Traced(&bounds));
+                let (mut facing, mut dark) = (0, 0);
+                for (surfel, (found, all)) in lit.surfels.iter().zip(found.iter().zip(&all)) {
+                    let to_light = reference::light::arrival(&light, surfel.position).to_light;
+                    // A lamp within some roundings of a surface's plane may be behind it.
+                    if surfel.normal.dot(to_light) > 1e-2 && all.front != [0.0; 3] {
+                        facing += 1;
+                        dark += usize::from(found.front != all.front);
+                    }
+                }
+                assert!(facing > 500, "{distance} {light:?}: {facing} lit");
+                assert!(
+                    dark <= facing / 500,
+                    "{distance} {light:?}, {samples} samples: {dark} of {facing}"
+                );
+            }
+        }
     }
 }
 

@@ -147,7 +147,7 @@ fn incoming(ray: Ray, hit: Hit) -> vec3f {
     let arrival = light_at(lights.lights[i], place);
     let cosine = dot(side, arrival.to_light);
     if cosine > 0.0 {
-      irradiance += arrival.irradiance * (cosine * unshadowed(point, arrival, count, params.piece_capacity));
+      irradiance += arrival.irradiance * (cosine * unshadowed(point, lights.lights[i], count, params.piece_capacity));
     }
   }
   let material = materials[min(piece.material, arrayLength(&materials) - 1u)];

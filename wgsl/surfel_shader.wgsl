@@ -49,7 +49,7 @@ struct Params {
 @group(0) @binding(7) var<uniform> shadow: Shadow;
 @group(0) @binding(8) var depth_map: texture_2d_array<f32>;
 
-fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {
+fn lit(point: vec3f, side: vec3f) -> f32 {
   return select(1.0, 0.0, is_hidden(look_up(point, side)));
 }
 #else
@@ -61,12 +61,12 @@ fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {
 #import meet_triangles
 #import shadow_ray
 
-fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {
+fn lit(point: vec3f, side: vec3f) -> f32 {
   let count = rooms_taken(counters.pieces, params.piece_capacity);
-  return unshadowed(point + side * rounding(point), arrival, count, params.piece_capacity);
+  return unshadowed(point + side * rounding(point), params.light, count, params.piece_capacity);
 }
 #else
-fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {
+fn lit(point: vec3f, side: vec3f) -> f32 {
   return 1.0;
 }
 #endif
@@ -106,7 +106,7 @@ fn shade(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_inde
       if cosine != 0.0 {
         let is_front = cosine > 0.0;
         let side = select(-normal, normal, is_front);
-        let irradiance = arrival.irradiance * (abs(cosine) * lit(point, side, arrival));
+        let irradiance = arrival.irradiance * (abs(cosine) * lit(point, side));
         to_front += select(vec3f(0.0), irradiance, is_front);
         to_back += select(irradiance, vec3f(0.0), is_front);
       }

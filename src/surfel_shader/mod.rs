@@ -392,7 +392,7 @@ fn source(variant: ShadeVariant) -> Result<String, Error> {
     match variant.shadow {
         ShadowKind::None => {}
         ShadowKind::Map => flags.push("SHADOW_MAP"),
-        ShadowKind::Traced => flags.push("SHADOW_TRACED"),
+        ShadowKind::Traced => flags.extend(["SHADOW_TRACED", "SHADOW_RAYS"]),
     }
     flags.extend(variant.samples.then_some("SAMPLES"));
     shader::assemble("surfel_shader", SOURCE, &flags, &[])

@@ -49,11 +49,20 @@ fn meet_leaf(ray: Ray, leaf: u32) -> vec4f {
   let per_det = 1.0 / det;
   let u = dot4(s, p) * per_det;
   let v = dot4(d, q) * per_det;
-  let t = dot4(e2, q) * per_det;
+  let ahead = dot4(e2, q) * per_det;
+  var t = ahead;
   // Moving the ray sideways by the rounding of positions moves u and v by this much.
   let size = largest4(e1) + largest4(e2);
-  let slack = POSITION_TOLERANCE * (largest4(a) + max_component(abs(ray.origin))) * size * abs(per_det);
+  let reach = largest4(a) + max_component(abs(ray.origin));
+  let slack = POSITION_TOLERANCE * reach * size * abs(per_det);
+#if SHADOW_RAYS
+  // What a light lies on casts no shadow: a triangle whose plane is as near to the light as positions are rounded. The
+  // steeper the ray meets the plane the less it lengthens the way; a vector is at most sqrt(3) times its largest component.
+  if ray.end_size >= 0.0 {
+    t += POSITION_TOLERANCE * (reach + ray.end_size) * 1.7320508 * largest4(cross4(e1, e2)) * abs(per_det);
+  }
+#endif
   // A ray within the triangle's plane passes it by; so does one whose figures left the range of f32.
-  let inside = (u >= -slack) & (v >= -slack) & (u + v <= 1.0 + slack) & (t > vec4f(0.0)) & (abs(det) > vec4f(1e-35));
+  let inside = (u >= -slack) & (v >= -slack) & (u + v <= 1.0 + slack) & (ahead > vec4f(0.0)) & (abs(det) > vec4f(1e-35));
   return select(vec4f(FAR), t, inside);
 }
