@@ -28,6 +28,7 @@ use crate::{
         binding::{self, FLOAT_2D, READ, UINT_2D, UNIFORM, WRITE, view, whole},
         check_timestamps, first_pass, screen, shader, storage, uniform,
     },
+    overrides::check_constants,
     receivers::{Receivers, ReceiversPass, plane_bytes},
     texture_slice::{TextureSlice, check_apart},
 };
@@ -226,7 +227,7 @@ impl SgHull {
     ///
     /// # Errors
     /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats, [`Error::Effect`] where the
-    /// gatherer's source has a malformed directive. WGSL that does not compile is wgpu's own validation error.
+    /// gatherer's source has a malformed directive or not the constants that are given. WGSL that does not compile is wgpu's own validation error.
     pub fn new(device: &Device, descriptor: &SgHullDescriptor<'_>) -> Result<Self, Error> {
         let SgHullDescriptor {
             gatherer,
@@ -236,6 +237,7 @@ impl SgHull {
             components,
             cache,
         } = *descriptor;
+        check_constants(&gatherer.label, &gatherer.source, &gatherer.constants)?;
         let variant = HullVariant { albedo, glossy };
         screen::check_format(device, "SgHull target", target)?;
         let (compute, fragment) = (ShaderStages::COMPUTE, ShaderStages::FRAGMENT);
