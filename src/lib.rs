@@ -107,8 +107,10 @@ mod layout;
 mod light;
 mod multi_res_mask;
 mod multi_res_reconstructor;
+mod overrides;
 mod receivers;
 mod reconstructor;
+mod recorded;
 #[cfg(feature = "reference")]
 pub mod reference;
 mod reflective_shadow_map;

@@ -18,9 +18,9 @@ use self::{
 };
 use crate::{
     camera::Camera,
-    error::{Error, check_limit, check_setting},
+    error::{Error, check_setting},
     gbuffer::{GBuffer, check_roughness},
-    geometry::{Material, check_size, check_usage},
+    geometry::Material,
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_2D, READ, UINT_2D, UNIFORM, WRITE, whole},
@@ -29,7 +29,8 @@ use crate::{
     receivers::{Receivers, ReceiversPass, plane},
     sender_bounds::{SenderBounds, SenderBoundsPass},
     shaders::{Listing, name_of},
-    surfel::{SurfelCloud, SurfelRadiance},
+    surfel::SurfelCloud,
+    surfel_shader::radiance_bytes,
     surfelizer::settings::Placement,
     texture_slice::TextureSlice,
 };
@@ -257,8 +258,8 @@ impl BouncedZBuffer {
         input.gbuffer.validate(viewport)?;
         let cloud = input.cloud;
         self.check_view([viewport.width, viewport.height], settings, view)?;
-        let radiance = self.check_radiance(input)?;
-        let lighting = self.check_lighting(device, input)?;
+        let radiance = self.check_radiance(device, input, view)?;
+        let lighting = self.check_lighting(device, input, view)?;
         let roughness = check_roughness(
             "BouncedInput::roughness",
             input.roughness,
@@ -320,7 +321,8 @@ impl BouncedZBuffer {
             Hits::Bits(buffer) => resources.push((5, whole(buffer))),
             Hits::Colors(colors) => resources.push((5, binding::view(colors))),
         }
-        resources.extend(radiance.map(|radiance| (6, whole(radiance))));
+        resources
+            .extend(radiance.map(|radiance| (6, binding::first(radiance, radiance_bytes(cloud)))));
         let lights = lighting.map(|lighting| {
             uniform(
                 device,
@@ -329,7 +331,10 @@ impl BouncedZBuffer {
             )
         });
         if let (Some(lighting), Some(lights)) = (&lighting, &lights) {
-            resources.extend([(13, whole(lights)), (14, whole(lighting.materials))]);
+            resources.extend([
+                (13, whole(lights)),
+                (14, binding::table::<Material>(lighting.materials)),
+            ]);
         }
         if let Some(statistics) = &view.statistics {
             resources.push((10, whole(statistics)));
@@ -387,6 +392,7 @@ impl BouncedZBuffer {
         &self,
         device: &Device,
         input: &BouncedInput<'r>,
+        view: &BouncedView,
     ) -> Result<Option<HitLighting<'r>>, Error> {
         const LIGHTING: &str = "BouncedInput::lighting";
         const MATERIALS: &str = "HitLighting::materials";
@@ -398,14 +404,8 @@ impl BouncedZBuffer {
             found: "none".into(),
             needed: "lights and materials, for Lighting::Hits".into(),
         })?;
-        check_usage(MATERIALS, lighting.materials)?;
-        check_size(MATERIALS, lighting.materials, size_of::<Material>() as u64)?;
-        check_limit(
-            "max_storage_buffer_binding_size",
-            device.limits().max_storage_buffer_binding_size,
-            lighting.materials.size(),
-            MATERIALS,
-        )?;
+        binding::check_table::<Material>(device, MATERIALS, lighting.materials)?;
+        binding::check_own(MATERIALS, lighting.materials, &view.statistics)?;
         for light in lighting.lights {
             light.validate()?;
         }
@@ -419,7 +419,13 @@ impl BouncedZBuffer {
         Ok(Some(lighting))
     }
 
-    fn check_radiance<'r>(&self, input: &BouncedInput<'r>) -> Result<Option<&'r Buffer>, Error> {
+    fn check_radiance<'r>(
+        &self,
+        device: &Device,
+        input: &BouncedInput<'r>,
+        view: &BouncedView,
+    ) -> Result<Option<&'r Buffer>, Error> {
+        const RADIANCE: &str = "BouncedInput::radiance";
         if self.descriptor.payload == Payload::Occlusion || self.descriptor.lit() {
             return Ok(None);
         }
@@ -430,22 +436,14 @@ impl BouncedZBuffer {
             f64::from(input.cloud.placement.code()),
             "Placement::Centroid, for radiance of pieces",
         )?;
-        let needed = u64::from(input.cloud.capacity.surfels) * size_of::<SurfelRadiance>() as u64;
-        let problem = |found: String| Error::Buffer {
-            name: "BouncedInput::radiance",
-            found,
+        let needed = radiance_bytes(input.cloud);
+        let buffer = input.radiance.ok_or_else(|| Error::Buffer {
+            name: RADIANCE,
+            found: "not been given".into(),
             needed: format!("usage STORAGE and at least {needed} bytes"),
-        };
-        let buffer = input
-            .radiance
-            .ok_or_else(|| problem("not been given".into()))?;
-        if !buffer.usage().contains(BufferUsages::STORAGE) || buffer.size() < needed {
-            return Err(problem(format!(
-                "usage {:?}, {} bytes",
-                buffer.usage(),
-                buffer.size()
-            )));
-        }
+        })?;
+        binding::check_first(device, RADIANCE, buffer, needed)?;
+        binding::check_own(RADIANCE, buffer, &view.statistics)?;
         Ok(Some(buffer))
     }
 }

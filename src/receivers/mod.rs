@@ -233,7 +233,7 @@ impl ListedReceiversPass {
                 (1, view(&gbuffer.depth.read())),
                 (2, view(&gbuffer.normal.read())),
                 (3, view(&receivers.view)),
-                (4, whole(work.pixels)),
+                (4, work.list(camera.viewport())),
             ],
         );
         let mut pass = compute_pass(encoder, LABEL, None);

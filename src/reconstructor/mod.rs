@@ -107,13 +107,15 @@ impl Reconstructor {
     /// `Rgba16Float` …); its missing channels are dropped.
     ///
     /// # Errors
-    /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats.
+    /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats, [`Error::Effect`] as
+    /// [`ShellSplatter::new`](crate::ShellSplatter::new).
     pub fn new(
         device: &Device,
         effect: &Effect,
         target: TextureFormat,
         cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
+        effect.check()?;
         screen::check_format(device, "Reconstructor target", target)?;
         let format = effect.sum_format();
         let smooth_layout = binding::layout(

@@ -4,11 +4,12 @@ use std::borrow::Cow;
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
-use wgpu::{BindGroup, BindGroupLayout, Buffer, BufferUsages, Device, ShaderStages};
+use wgpu::{
+    BindGroup, BindGroupLayout, BindingResource, Buffer, BufferUsages, Device, ShaderStages,
+};
 
 use crate::{
     error::Error,
-    geometry::{check_size, check_usage},
     gpu::binding::{self, READ, whole},
     light::{Light, LightParams},
 };
@@ -37,7 +38,7 @@ pub struct Gatherer {
     pub source: Cow<'static, str>,
     /// What it binds in group 1, visible to compute and fragment shaders, if anything.
     pub layout: Option<BindGroupLayout>,
-    /// Values for `override` constants of `source`.
+    /// Values for `override` constants of `source`: for all that have none of their own, and for no others.
     pub constants: Vec<(String, f64)>,
 }
 
@@ -90,9 +91,8 @@ impl Gatherer {
     /// [`Error::Buffer`] for a buffer that is too small or lacks usage `STORAGE`, [`Error::Mismatch`] for a gatherer
     /// without a layout.
     pub fn bind_polygons(&self, device: &Device, lights: &Buffer) -> Result<BindGroup, Error> {
-        check_usage("PolygonLight", lights)?;
-        check_size("PolygonLight", lights, size_of::<PolygonLight>() as u64)?;
-        self.bind(device, lights)
+        binding::check_table::<PolygonLight>(device, "PolygonLight", lights)?;
+        self.bind(device, binding::table::<PolygonLight>(lights))
     }
 
     /// What [`Gatherer::lights`] binds. No light is valid.
@@ -120,12 +120,12 @@ impl Gatherer {
                 usage: BufferUsages::STORAGE,
             },
         );
-        self.bind(device, &buffer)
+        self.bind(device, whole(&buffer))
     }
 
-    fn bind(&self, device: &Device, buffer: &Buffer) -> Result<BindGroup, Error> {
+    fn bind(&self, device: &Device, buffer: BindingResource<'_>) -> Result<BindGroup, Error> {
         let layout = self.bound_layout()?;
-        Ok(binding::group(device, LABEL, layout, &[(0, whole(buffer))]))
+        Ok(binding::group(device, LABEL, layout, &[(0, buffer)]))
     }
 
     pub(super) fn bound_layout(&self) -> Result<&BindGroupLayout, Error> {

@@ -30,6 +30,7 @@ use crate::{
         preprocess::Module,
         screen, shader, storage, uniform,
     },
+    overrides::check_constants,
     receivers::{Receivers, ReceiversPass, plane_bytes},
     shaders::{Listing, name_of},
     texture_slice::{TextureSlice, check_apart},
@@ -229,7 +230,7 @@ impl SgHull {
     ///
     /// # Errors
     /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats, [`Error::Effect`] where the
-    /// gatherer's source has a malformed directive. WGSL that does not compile is wgpu's own validation error.
+    /// gatherer's source has a malformed directive or not the constants that are given. WGSL that does not compile is wgpu's own validation error.
     pub fn new(device: &Device, descriptor: &SgHullDescriptor<'_>) -> Result<Self, Error> {
         let SgHullDescriptor {
             gatherer,
@@ -239,6 +240,7 @@ impl SgHull {
             components,
             cache,
         } = *descriptor;
+        check_constants(&gatherer.label, &gatherer.source, &gatherer.constants)?;
         let variant = HullVariant { albedo, glossy };
         screen::check_format(device, "SgHull target", target)?;
         let (compute, fragment) = (ShaderStages::COMPUTE, ShaderStages::FRAGMENT);

@@ -10,7 +10,6 @@ use wgpu::{
 use super::gatherer::Gatherer;
 use crate::{
     error::Error,
-    geometry::{check_size, check_usage},
     gpu::binding::{self, READ, UNIFORM, whole},
     shell_splatter::{
         SurfelClusters,
@@ -92,8 +91,8 @@ impl Gatherer {
         } = light;
         settings.validate()?;
         clusters.check(cloud, settings)?;
-        check_usage("SurfelLight::radiance", radiance)?;
-        check_size("SurfelLight::radiance", radiance, radiance_bytes(cloud))?;
+        let bytes = radiance_bytes(cloud);
+        binding::check_first(device, "SurfelLight::radiance", radiance, bytes)?;
         let layout = self.bound_layout()?;
         let params = SurfelGatherParams::new(settings, clusters, origin - cloud.origin());
         let params = device.create_buffer_init(&BufferInitDescriptor {
@@ -108,7 +107,7 @@ impl Gatherer {
             (0, whole(&params)),
             (1, whole(&cloud.surfels)),
             (2, whole(&cloud.sources)),
-            (3, whole(radiance)),
+            (3, binding::first(radiance, bytes)),
             (4, whole(&clusters.buffer)),
         ];
         Ok(binding::group(device, LABEL, layout, &resources))

@@ -18,6 +18,7 @@ use crate::{
     effect::Effect,
     error::{Error, check_setting},
     gbuffer::GBuffer,
+    geometry::Material,
     gpu::{
         Kernel, Timestamps,
         binding::{self, READ, UINT_2D, UNIFORM, WRITE, whole},
@@ -191,9 +192,10 @@ impl ShellSplatter {
     ///
     /// # Errors
     /// [`Error::Feature`] where subgroups are asked for and the device lacks them, [`Error::Effect`] where the effect's
-    /// source has a malformed directive. WGSL that does not compile is wgpu's own validation error, as for any shader.
+    /// source has a malformed directive or not the constants that are given. WGSL that does not compile is wgpu's own validation error, as for any shader.
     pub fn new(device: &Device, descriptor: &ShellSplatterDescriptor<'_>) -> Result<Self, Error> {
         let effect = descriptor.effect;
+        effect.check()?;
         if descriptor.subgroups && !device.features().contains(Features::SUBGROUP) {
             return Err(Error::Feature {
                 feature: Features::SUBGROUP,
@@ -302,7 +304,7 @@ impl ShellSplatter {
             buffer: storage(
                 device,
                 "deep-screen-space surfel clusters",
-                count * 32,
+                count.max(1) * 32,
                 BufferUsages::empty(),
             )?,
             dispatches: storage(
@@ -373,7 +375,7 @@ impl ShellSplatter {
         check_timestamps(input.timestamps)?;
         let cloud = input.cloud;
         check_clusters(cloud, settings, clusters)?;
-        let materials = self.check_materials(input.materials)?;
+        let materials = self.check_materials(device, input.materials)?;
         let mut pass = compute_pass(encoder, &label(&self.effect, "clusters"), input.timestamps);
         let plan = binding::group(
             device,
@@ -399,7 +401,7 @@ impl ShellSplatter {
                 (3, whole(&cloud.counters)),
                 (4, whole(&clusters.buffer)),
             ];
-            resources.extend(materials.map(|m| (7, whole(m))));
+            resources.extend(materials.map(|m| (7, binding::table::<Material>(m))));
             let group = binding::group(device, LABEL, &self.build_layout, &resources);
             pass.push_debug_group(&format!("level {level}"));
             pass.set_bind_group(0, &group, &[]);
@@ -433,9 +435,9 @@ impl ShellSplatter {
         let viewport = input.camera.viewport();
         input.gbuffer.validate(viewport)?;
         input.clusters.check(input.cloud, settings)?;
-        let materials = self.check_materials(input.materials)?;
+        let materials = self.check_materials(device, input.materials)?;
         if let Some(work) = &input.work {
-            work.validate(viewport)?;
+            work.check(device, viewport)?;
         }
         let sub_image = input.work.as_ref().map_or(0, |work| work.level);
         let size = level_size([viewport.width, viewport.height], sub_image);
@@ -494,7 +496,7 @@ impl ShellSplatter {
                 (5, binding::view(&view.receivers.view)),
                 (6, binding::view(&view.sums)),
             ];
-            resources.extend(materials.map(|m| (7, whole(m))));
+            resources.extend(materials.map(|m| (7, binding::table::<Material>(m))));
             if let Some(statistics) = &view.statistics {
                 resources.push((8, whole(statistics)));
             }
@@ -513,24 +515,19 @@ impl ShellSplatter {
 
     fn check_materials<'m>(
         &self,
+        device: &Device,
         materials: Option<&'m Buffer>,
     ) -> Result<Option<&'m Buffer>, Error> {
+        const MATERIALS: &str = "materials";
         if !self.effect.materials {
             return Ok(None);
         }
-        let problem = |found: String| Error::Buffer {
-            name: "materials",
-            found,
-            needed: "usage STORAGE and at least 32 bytes, since the effect reads materials".into(),
-        };
-        let buffer = materials.ok_or_else(|| problem("not been given".into()))?;
-        if !buffer.usage().contains(BufferUsages::STORAGE) || buffer.size() < 32 {
-            return Err(problem(format!(
-                "usage {:?}, {} bytes",
-                buffer.usage(),
-                buffer.size()
-            )));
-        }
+        let buffer = materials.ok_or_else(|| Error::Buffer {
+            name: MATERIALS,
+            found: "not been given".into(),
+            needed: "a table of materials, since the effect reads them".into(),
+        })?;
+        binding::check_table::<Material>(device, MATERIALS, buffer)?;
         Ok(Some(buffer))
     }
 }

@@ -219,6 +219,7 @@ impl VolumetricObscurance {
             None
         };
         let level = check_work(
+            device,
             "ObscuranceInput::target",
             input.work.as_ref(),
             viewport,
