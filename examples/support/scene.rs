@@ -43,10 +43,12 @@ pub fn load_gltf(path: &Path) -> Result<Scene, String> {
             .map(|m| Material {
                 albedo: first_three(m.pbr_metallic_roughness().base_color_factor()),
                 emission: m.emissive_factor(),
+                double_sided: m.double_sided(),
             })
             .chain([Material {
                 albedo: [1.0; 3],
                 emission: [0.0; 3],
+                double_sided: false,
             }])
             .collect(),
         views: Vec::new(),
