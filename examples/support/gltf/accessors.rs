@@ -7,6 +7,9 @@ use gltf::{
 
 use super::{File, buffers::Buffers};
 
+/// Elements that an accessor may have without bytes for them, where each makes something that takes room.
+const MOST_ZEROS: usize = 1 << 16;
+
 /// What an accessor is for, which says what types it may have.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Role {
@@ -42,6 +45,14 @@ impl Role {
             Self::Rotations => "rotations",
             Self::Scales => "scales",
         }
+    }
+
+    /// Whether the more there are, the more triangles there are.
+    fn makes_triangles(self) -> bool {
+        matches!(
+            self,
+            Self::Positions | Self::Indices | Self::Translations | Self::Rotations | Self::Scales
+        )
     }
 
     /// Whether the specification has this type, or `KHR_mesh_quantization` where the file uses it.
@@ -127,6 +138,9 @@ impl<'a> Values<'a> {
         let count = accessor.count();
         if u32::try_from(count).is_err() {
             return Err(format!("{place}: {count} elements are too many"));
+        }
+        if accessor.view().is_none() && count > MOST_ZEROS && role.makes_triangles() {
+            return Err(format!("{place}: {count} zeros, accepted are {MOST_ZEROS}"));
         }
         let element = accessor.size();
         let base = accessor

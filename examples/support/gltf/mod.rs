@@ -18,7 +18,7 @@ use std::{cell::RefCell, path::Path};
 
 use deep_screen_space::{
     Light,
-    glam::DVec3,
+    glam::{DMat4, DVec3},
     scenes::{Part, Scene},
 };
 pub use lights::FileCamera;
@@ -29,7 +29,7 @@ use materials::Materials;
 use nodes::Nodes;
 use primitives::Shape;
 
-/// Corners of triangles that a scene may have, all instances together: three times as many as what a device would draw.
+/// Corners of triangles that a scene may have, all instances together: 44 million triangles.
 const MAX_CORNERS: usize = 1 << 27;
 
 /// How many of its own sizes a scene may lie away from its origin before the origin is moved.
@@ -67,7 +67,7 @@ impl From<Scene> for Loaded {
 /// One line that names the file and what is wrong with it.
 pub fn load_gltf(path: &Path) -> Result<Loaded, String> {
     let name = path.display();
-    let read = || {
+    let load = || {
         if !path.is_file() {
             return Err("no such file".into());
         }
@@ -75,15 +75,19 @@ pub fn load_gltf(path: &Path) -> Result<Loaded, String> {
         let folder = path.parent().unwrap_or(Path::new("."));
         read_gltf(&bytes, folder, MAX_CORNERS)
     };
-    read().map_err(|e: String| one_line(&format!("{name}: {e}")))
+    load().map_err(|e: String| one_line(&format!("{name}: {e}")))
 }
 
 /// Reads a glTF file's bytes; other files that it names are looked for in `folder`. No more than `room` corners of triangles
 /// are accepted.
 ///
 /// # Errors
-/// What is wrong with it.
+/// One line that says what is wrong with it.
 pub fn read_gltf(bytes: &[u8], folder: &Path, room: usize) -> Result<Loaded, String> {
+    read(bytes, folder, room).map_err(|e| one_line(&e))
+}
+
+fn read(bytes: &[u8], folder: &Path, room: usize) -> Result<Loaded, String> {
     let (document, blob) = document::parse(bytes)?;
     let nodes = Nodes::new(&document)?;
     let buffers = Buffers::load(&document, blob, folder)?;
@@ -96,6 +100,12 @@ pub fn read_gltf(bytes: &[u8], folder: &Path, room: usize) -> Result<Loaded, Str
         notes: &notes,
     };
     let mut world = World::new(room);
+    let wanted = count_corners(&file, room)?;
+    if wanted > room {
+        return Err(format!(
+            "{wanted} corners of triangles are more than {room}"
+        ));
+    }
     for &index in &nodes.visible {
         draw(&file, index, &mut world)?;
     }
@@ -183,13 +193,35 @@ fn why_nothing(file: &File<'_>) -> String {
     }
 }
 
+/// How many corners the scene's triangles have at most: what is too much is refused before any of it is read.
+fn count_corners(file: &File<'_>, room: usize) -> Result<usize, String> {
+    let mut total = 0_usize;
+    for &index in &file.nodes.visible {
+        let node = file.node(index)?;
+        let Some(mesh) = node.mesh() else {
+            continue;
+        };
+        let instances = file.nodes.instances(file, &node, room)?.len();
+        for primitive in mesh.primitives() {
+            let corners = primitive
+                .indices()
+                .or(primitive.get(&gltf::Semantic::Positions))
+                .map_or(0, |accessor| {
+                    triangles::most_corners(primitive.mode(), accessor.count())
+                });
+            total = total.saturating_add(corners.saturating_mul(instances));
+        }
+    }
+    Ok(total)
+}
+
 /// Adds what a node shows.
 fn draw(file: &File<'_>, index: usize, world: &mut World) -> Result<(), String> {
     let node = file.node(index)?;
     let Some(mesh) = node.mesh() else {
         return Ok(());
     };
-    let instances = file.nodes.instances(file, &node)?;
+    let instances = file.nodes.instances(file, &node, world.room())?;
     for primitive in mesh.primitives() {
         let place = format!("mesh {}, primitive {}", mesh.index(), primitive.index());
         let shape = primitives::read(file, &node, &mesh, &primitive, world.room())
@@ -200,7 +232,7 @@ fn draw(file: &File<'_>, index: usize, world: &mut World) -> Result<(), String> 
         for &instance in &instances {
             // Joints alone place what is skinned.
             let to_world = if shape.skinned {
-                deep_screen_space::glam::DMat4::IDENTITY
+                DMat4::IDENTITY
             } else {
                 instance
             };
@@ -239,14 +271,7 @@ impl World {
         self.most - self.indices.len()
     }
 
-    fn add(
-        &mut self,
-        shape: &Shape,
-        to_world: deep_screen_space::glam::DMat4,
-    ) -> Result<(), String> {
-        if shape.triangles.len() * 3 > self.room() {
-            return Err(format!("more than {} corners of triangles", self.most));
-        }
+    fn add(&mut self, shape: &Shape, to_world: DMat4) -> Result<(), String> {
         let placed = triangles::place(shape, to_world)?;
         let base = self.positions.len() as u32;
         self.positions.extend(placed.positions);

@@ -70,8 +70,13 @@ impl Nodes {
         Ok(Self { to_world, visible })
     }
 
-    /// From a node's space to the world's, once for each time that it is shown.
-    pub fn instances(&self, file: &File<'_>, node: &gltf::Node<'_>) -> Result<Vec<DMat4>, String> {
+    /// From a node's space to the world's, once for each time that it is shown, `most` times at most.
+    pub fn instances(
+        &self,
+        file: &File<'_>,
+        node: &gltf::Node<'_>,
+        most: usize,
+    ) -> Result<Vec<DMat4>, String> {
         let own = self.to_world[node.index()];
         let Some(attributes) = node
             .extension_value(INSTANCING)
@@ -109,8 +114,8 @@ impl Nodes {
                 "attributes of {count} and of {other} instances"
             )));
         }
-        if count > super::MAX_CORNERS / 3 {
-            return Err(fail(format!("{count} instances are too many")));
+        if count > most {
+            return Err(fail(format!("{count} instances, there is room for {most}")));
         }
         (0..count as u32)
             .map(|i| {

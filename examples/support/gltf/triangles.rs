@@ -32,6 +32,15 @@ pub fn corners(mode: Mode, indices: &[u32]) -> Option<Vec<[u32; 3]>> {
     Some(all.into_iter().filter(is_triangle).collect())
 }
 
+/// How many corners the triangles of so many indices have at most.
+pub fn most_corners(mode: Mode, count: usize) -> usize {
+    match mode {
+        Mode::Triangles => count,
+        Mode::TriangleStrip | Mode::TriangleFan => count.saturating_sub(2).saturating_mul(3),
+        Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip => 0,
+    }
+}
+
 /// How many indices at the end make no triangle.
 pub fn left_over(mode: Mode, count: usize) -> usize {
     match mode {
