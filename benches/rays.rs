@@ -28,10 +28,11 @@ use deep_screen_space::{
 use rayon::prelude::*;
 use support::{
     bounced::BouncedRenderer,
+    gltf::load_gltf,
     gpu::{Ask, Gpu},
     presets::bounced_preset,
     raster::{Raster, perspective},
-    scene::{SceneBuffers, load_gltf},
+    scene::SceneBuffers,
 };
 
 /// Best of this many runs: a shared machine only ever adds time.
@@ -80,8 +81,11 @@ fn main() {
     let rows: Vec<_> = names
         .iter()
         .map(|name| {
-            let scene = scenes::by_name(name)
-                .unwrap_or_else(|| load_gltf(name.as_ref()).expect("a scene or a glTF file"));
+            let scene = scenes::by_name(name).unwrap_or_else(|| {
+                load_gltf(name.as_ref())
+                    .expect("a scene or a glTF file")
+                    .scene
+            });
             measure(&gpu, &scene, name, size)
         })
         .collect();
