@@ -14,6 +14,7 @@ use crate::{
         binding::{self, FLOAT_2D, UNIFORM, WRITE, view, whole},
         compute_pass, shader, storage, uniform,
     },
+    recorded::Last,
     work::level_size,
 };
 
@@ -33,6 +34,8 @@ pub struct DepthMoments {
     /// Of the view that they are for, pixels.
     pub(crate) size: [u32; 2],
     pub(crate) buffer: Buffer,
+    /// The camera of the depth.
+    pub(crate) recorded: Last<Camera>,
 }
 
 impl DepthMoments {
@@ -51,6 +54,7 @@ impl DepthMoments {
         Ok(Self {
             size,
             buffer: storage(device, LABEL, TEXEL * texels, usage)?,
+            recorded: Last::default(),
         })
     }
 
