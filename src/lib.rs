@@ -172,6 +172,7 @@ pub use screen_space_gi::{ScreenSpaceGi, ScreenSpaceGiInput, settings::ScreenSpa
 pub use sender_bounds::SenderBounds;
 pub use sg_hull::{
     HullSegment, HullVertex, SgHull, SgHullCounts, SgHullDescriptor, SgHullInput, SgHullView,
+    bound::GathererBinding,
     gatherer::{Gatherer, PolygonLight},
     settings::{Components, SgHullSettings, SgHullSize},
     surfels::SurfelLight,

@@ -27,6 +27,7 @@ use crate::{
         check_timestamps, compute_pass, shader, storage, uniform,
     },
     receivers::{Receivers, ReceiversPass, plane},
+    recorded::Last,
     sender_bounds::{SenderBounds, SenderBoundsPass},
     shaders::{Listing, name_of},
     surfel::SurfelCloud,
@@ -215,13 +216,15 @@ impl BouncedZBuffer {
             descriptor: self.descriptor,
             directions,
             statistics,
+            recorded: Last::default(),
         })
     }
 
     /// Records the bounds of a cloud's senders, after the recording that makes the cloud and before those that trace it.
     ///
     /// # Errors
-    /// [`Error::Mismatch`] where the bounds were made for other senders or another cloud's capacity.
+    /// [`Error::Mismatch`] where the bounds were made for other senders or another cloud's capacity, [`Error::Recording`] for a
+    /// cloud that was not recorded.
     pub fn record_bounds(
         &self,
         device: &Device,
@@ -239,7 +242,8 @@ impl BouncedZBuffer {
     ///
     /// # Errors
     /// What [`GBuffer::validate`] and [`BouncedSettings::validate`] find; [`Error::Mismatch`] where the view was made for
-    /// another descriptor or size or for fewer directions, or the bounds for another cloud; [`Error::Buffer`] for radiance
+    /// another descriptor or size or for fewer directions, or the bounds for another cloud's capacity; [`Error::Recording`] where the
+    /// bounds were not recorded from this cloud, since that was; [`Error::Buffer`] for radiance
     /// that is missing or too small, or for materials; what [`Light::validate`](crate::Light::validate) finds; [`Error::Mismatch`] for lighting that is
     /// missing, and [`Error::Setting`] for too many lights; what [`GBuffer::validate`] finds of views, and [`Error::Mismatch`] where there is none,
     /// for roughness; [`Error::Setting`] where radiance of pieces is asked for and the surfels are not leaves of them
@@ -289,6 +293,7 @@ impl BouncedZBuffer {
             }
         };
 
+        view.recorded.set((*settings, cloud.last()?));
         if let Some(statistics) = &view.statistics {
             encoder.clear_buffer(statistics, 0, None);
         }

@@ -95,18 +95,22 @@ pub(crate) fn group(
     layout: &BindGroupLayout,
     resources: &[(u32, BindingResource<'_>)],
 ) -> BindGroup {
-    let entries: Vec<_> = resources
+    device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some(label),
+        layout,
+        entries: &entries(resources),
+    })
+}
+
+/// `resources` at the binding numbers given.
+pub(crate) fn entries<'a>(resources: &[(u32, BindingResource<'a>)]) -> Vec<BindGroupEntry<'a>> {
+    resources
         .iter()
         .map(|(binding, resource)| BindGroupEntry {
             binding: *binding,
             resource: resource.clone(),
         })
-        .collect();
-    device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: Some(label),
-        layout,
-        entries: &entries,
-    })
+        .collect()
 }
 
 /// A whole buffer as a binding.

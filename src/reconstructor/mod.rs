@@ -226,7 +226,8 @@ impl Reconstructor {
     ///
     /// # Errors
     /// [`Error::Setting`]; [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target, [`Error::Mismatch`]
-    /// where sums and view disagree with the camera or with each other.
+    /// where sums and view disagree with the camera or with each other, [`Error::Recording`] where the sums were not
+    /// recorded from this cloud, since that was.
     pub fn record(
         &self,
         device: &Device,
@@ -344,6 +345,18 @@ impl Reconstructor {
                     input.levels,
                     self.effect.sum_format()
                 ),
+            });
+        }
+        let splatted = sums.recorded.get("SplatView")?;
+        input.cloud.check_source("SplatView", &splatted.of)?;
+        if (splatted.levels, splatted.sub_image) != (input.levels, input.sub_image) {
+            return Err(Error::Mismatch {
+                name: "SplatView",
+                found: format!(
+                    "{} splatted levels, sub-image {:?}",
+                    splatted.levels, splatted.sub_image
+                ),
+                needed: format!("{} levels, sub-image {:?}", input.levels, input.sub_image),
             });
         }
         if scratch.size != size

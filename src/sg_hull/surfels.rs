@@ -3,11 +3,14 @@
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use wgpu::{
-    BindGroup, Buffer, BufferUsages, CommandEncoder, Device, ShaderStages,
+    Buffer, BufferUsages, CommandEncoder, Device, ShaderStages,
     util::{BufferInitDescriptor, DeviceExt},
 };
 
-use super::gatherer::Gatherer;
+use super::{
+    bound::{GathererBinding, Origin, check_origin},
+    gatherer::Gatherer,
+};
 use crate::{
     error::Error,
     gpu::binding::{self, READ, UNIFORM, whole},
@@ -74,7 +77,8 @@ impl Gatherer {
     ///
     /// # Errors
     /// What [`SplatSettings::validate`] finds; [`Error::Mismatch`] for clusters of another cloud's capacity or recorded with
-    /// other settings (but for the seed), and for another gatherer; [`Error::Buffer`] for radiance that is too small or lacks
+    /// other settings (but for the seed), and for another gatherer; [`Error::Recording`] for clusters that were not recorded from
+    /// this cloud, since that was; [`Error::Setting`] for an origin that is not finite; [`Error::Buffer`] for radiance that is too small or lacks
     /// usage `STORAGE`.
     pub fn bind_surfels(
         &self,
@@ -82,7 +86,9 @@ impl Gatherer {
         encoder: &mut CommandEncoder,
         light: &SurfelLight<'_>,
         origin: DVec3,
-    ) -> Result<BindGroup, Error> {
+    ) -> Result<GathererBinding, Error> {
+        self.check_kind(SURFELS, "Gatherer::surfels")?;
+        check_origin("Gatherer::bind_surfels origin", origin)?;
         let SurfelLight {
             cloud,
             clusters,
@@ -93,7 +99,6 @@ impl Gatherer {
         clusters.check(cloud, settings)?;
         let bytes = radiance_bytes(cloud);
         binding::check_first(device, "SurfelLight::radiance", radiance, bytes)?;
-        let layout = self.bound_layout()?;
         let params = SurfelGatherParams::new(settings, clusters, origin - cloud.origin());
         let params = device.create_buffer_init(&BufferInitDescriptor {
             label: Some(LABEL),
@@ -110,7 +115,12 @@ impl Gatherer {
             (3, binding::first(radiance, bytes)),
             (4, whole(&clusters.buffer)),
         ];
-        Ok(binding::group(device, LABEL, layout, &resources))
+        self.bound(
+            device,
+            &binding::entries(&resources),
+            Origin::At(origin),
+            Some(cloud.last()?),
+        )
     }
 }
 

@@ -25,6 +25,7 @@ use crate::{
         check_timestamps, compute_pass, dispatch, shader, storage, uniform,
     },
     receivers::{ListedReceiversPass, Receivers, ReceiversPass, plane, plane_bytes},
+    recorded::{Last, Stamp, never},
     shaders::{Listing, name_of},
     surfel::SurfelCloud,
     surfelizer::settings::Reach,
@@ -73,7 +74,7 @@ pub struct SurfelClusters {
     pub(crate) places: Vec<LevelPlace>,
     capacity: u32,
     /// What the bounds were last recorded for: surfels reach no farther than these settings let them.
-    recorded: Option<SplatSettings>,
+    recorded: Option<(SplatSettings, Stamp)>,
 }
 
 impl SurfelClusters {
@@ -82,14 +83,18 @@ impl SurfelClusters {
         self.buffer.size() + self.dispatches.size()
     }
 
-    /// That they were recorded with these settings for a cloud of this capacity.
+    /// That they were recorded with these settings from this cloud, since that was.
     pub(crate) fn check(&self, cloud: &SurfelCloud, settings: &SplatSettings) -> Result<(), Error> {
         check_clusters(cloud, settings, self)?;
-        if self.recorded != Some(bounds_of(settings)) {
+        const NAME: &str = "SurfelClusters";
+        cloud.last()?;
+        let (recorded, of) = self.recorded.as_ref().ok_or_else(|| never(NAME))?;
+        cloud.check_source(NAME, of)?;
+        if *recorded != bounds_of(settings) {
             return Err(Error::Mismatch {
-                name: "SurfelClusters",
-                found: format!("{:?}", self.recorded),
-                needed: format!("recorded with {:?}", bounds_of(settings)),
+                name: NAME,
+                found: format!("recorded with {recorded:?}"),
+                needed: format!("{:?}", bounds_of(settings)),
             });
         }
         Ok(())
@@ -107,6 +112,16 @@ pub struct SplatView {
     format: TextureFormat,
     levels: u32,
     statistics: Option<Buffer>,
+    pub(crate) recorded: Last<Splatted>,
+}
+
+/// What a view's sums are of.
+#[derive(Clone, Debug)]
+pub(crate) struct Splatted {
+    pub levels: u32,
+    pub sub_image: Option<u32>,
+    /// The cloud's recording.
+    pub of: Stamp,
 }
 
 impl SplatView {
@@ -355,6 +370,7 @@ impl ShellSplatter {
             format,
             levels,
             statistics,
+            recorded: Last::default(),
         })
     }
 
@@ -362,7 +378,7 @@ impl ShellSplatter {
     ///
     /// # Errors
     /// [`Error::Setting`], or [`Error::Mismatch`] where the clusters were made for another cloud's capacity or fewer
-    /// levels.
+    /// levels; [`Error::Recording`] for a cloud that was not recorded.
     pub fn record_clusters(
         &self,
         device: &Device,
@@ -375,6 +391,7 @@ impl ShellSplatter {
         check_timestamps(input.timestamps)?;
         let cloud = input.cloud;
         check_clusters(cloud, settings, clusters)?;
+        let of = cloud.last()?;
         let materials = self.check_materials(device, input.materials)?;
         let mut pass = compute_pass(encoder, &label(&self.effect, "clusters"), input.timestamps);
         let plan = binding::group(
@@ -412,7 +429,7 @@ impl ShellSplatter {
             pass.dispatch_workgroups_indirect(&clusters.dispatches, at + DISPATCH_BYTES);
             pass.pop_debug_group();
         }
-        clusters.recorded = Some(bounds_of(settings));
+        clusters.recorded = Some((bounds_of(settings), of));
         Ok(())
     }
 
@@ -420,8 +437,9 @@ impl ShellSplatter {
     ///
     /// # Errors
     /// What [`GBuffer::validate`], [`SplatSettings::validate`] and [`WorkList::validate`] find; [`Error::Mismatch`] where the
-    /// view has another size than the camera's viewport or the work's sub-image, or fewer levels than the settings, and where the clusters were last recorded with
-    /// other settings (but for the seed); [`Error::Buffer`] for a missing material table.
+    /// view has another size than the camera's viewport or the work's sub-image, or fewer levels than the settings, and where the
+    /// clusters were last recorded with other settings (but for the seed); [`Error::Recording`] where they were not recorded from
+    /// this cloud, since that was; [`Error::Buffer`] for a missing material table.
     pub fn record(
         &self,
         device: &Device,
@@ -460,6 +478,11 @@ impl ShellSplatter {
                 ),
             });
         }
+        view.recorded.set(Splatted {
+            levels: settings.levels,
+            sub_image: input.work.as_ref().map(|work| work.level),
+            of: input.cloud.last()?,
+        });
         if let Some(statistics) = &view.statistics {
             encoder.clear_buffer(statistics, 0, None);
         }

@@ -222,7 +222,8 @@ impl SurfelShader {
     ///
     /// # Errors
     /// What [`SurfelShaderSettings::validate`], [`Light::validate`] and [`ShadowMap::validate`] find;
-    /// [`Error::Mismatch`] for bounds of another cloud's capacity, or of disks;
+    /// [`Error::Mismatch`] for bounds of another cloud's capacity, or of disks; [`Error::Recording`] for a cloud that was not
+    /// recorded, and for bounds that were not recorded from it, since that was;
     /// [`Error::Buffer`] for materials or radiance that are too small, lack a usage or are the same buffer as another
     /// one, [`Error::Limit`] for more materials than the device can bind. All before anything is recorded.
     pub fn record(
@@ -244,6 +245,7 @@ impl SurfelShader {
                 }
             }
         }
+        input.cloud.last()?;
         check_buffers(device, input)?;
 
         // The emission is written by the first dispatch: without a light that shines, by one without any.
