@@ -21,7 +21,7 @@ use crate::{
         screen::{self, Screen},
         shader, uniform,
     },
-    receivers::{plane, plane_bytes},
+    receivers::{check_view_size, plane, plane_bytes},
     shell_splatter::SplatView,
     surfel::SurfelCloud,
     texture_slice::{TextureSlice, check_apart},
@@ -198,6 +198,7 @@ impl Reconstructor {
         )?;
         let size = [width, height];
         let format = self.effect.sum_format();
+        check_view_size(device, LABEL, size)?;
         let layers = |label, layers| -> Result<TextureView, Error> {
             let texture = plane(device, label, format, size, layers)?;
             Ok(texture.create_view(&wgpu::TextureViewDescriptor {
