@@ -21,7 +21,7 @@ use crate::{
         screen::{self, Screen},
         shader, uniform,
     },
-    receivers::{plane, plane_bytes},
+    receivers::{check_view_size, plane, plane_bytes},
     shaders::Listing,
     shell_splatter::SplatView,
     surfel::SurfelCloud,
@@ -199,6 +199,7 @@ impl Reconstructor {
         )?;
         let size = [width, height];
         let format = self.effect.sum_format();
+        check_view_size(device, LABEL, size)?;
         let layers = |label, layers| -> Result<TextureView, Error> {
             let texture = plane(device, label, format, size, layers)?;
             Ok(texture.create_view(&wgpu::TextureViewDescriptor {
