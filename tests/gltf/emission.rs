@@ -267,7 +267,7 @@ fn many_colours_become_few_parts() {
     let mean: f32 = colors.iter().map(|c| c[0]).sum::<f32>() / colors.len() as f32;
     let positions = file.floats(&positions);
     let colors = file.floats(&colors);
-    file.show(json!({ "attributes": { "POSITION": positions, "COLOR_0": colors } }));
+    file.show(&json!({ "attributes": { "POSITION": positions, "COLOR_0": colors } }));
     let scene = file.scene();
     assert_sound(&scene);
     assert_eq!(scene.triangle_count(), 3000);
