@@ -25,7 +25,7 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
-fn base64(bytes: &[u8]) -> String {
+pub fn base64(bytes: &[u8]) -> String {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let digits = |chunk: &[u8]| {
         let word = chunk
@@ -43,7 +43,7 @@ fn base64(bytes: &[u8]) -> String {
 fn data_uris() {
     let bytes = square().bytes;
     let expected = triangles(&square().scene());
-    let percent: String = bytes.iter().map(|b| format!("%{b:02x}")).collect();
+    let percent = percent_encoding::percent_encode(&bytes, percent_encoding::NON_ALPHANUMERIC);
     for uri in [
         format!("data:application/octet-stream;base64,{}", base64(&bytes)),
         format!("data:application/gltf-buffer;base64,{}", base64(&bytes)),
