@@ -5,7 +5,7 @@ use deep_screen_space::{
 };
 use serde_json::{Value, json};
 
-use crate::{
+use super::{
     Options,
     support::{
         ambient_occlusion::Renderer,
@@ -174,9 +174,9 @@ pub fn bounced(
     let directions = preset.bounced.directions;
     let mut renderer = BouncedRenderer::new(gpu, payload, capacity, size, directions, false)
         .map_err(|e| e.to_string())?;
-    let lights = shot.lights();
+    let lights = &shot.lights;
     let picture = twice(
-        || renderer.render(gpu, &raster, &buffers, &camera, &lights, &preset),
+        || renderer.render(gpu, &raster, &buffers, &camera, lights, &preset),
         Picture::total_ms,
     )?;
     Ok(Rendered {

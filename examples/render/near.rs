@@ -4,13 +4,12 @@ use deep_screen_space::{
     CloudCapacity, DiskSamples, Error, Light, ObscuranceInput, ObscuranceSampling,
     ObscuranceSettings, ObscuranceVolume, SurfelCounts, VolumetricObscurance,
     VolumetricObscuranceDescriptor,
-    glam::DVec3,
     scenes::Scene,
     wgpu::{self, TextureFormat, TextureUsages},
 };
 use serde_json::{Value, json};
 
-use crate::{
+use super::{
     Options,
     methods::{Rendered, twice},
     support::{
@@ -120,9 +119,9 @@ pub fn of_pixels(
     let camera = shot.camera()?;
     let buffers = SceneBuffers::new(gpu, scene);
     // Where there is no light, one beside the camera.
-    let light = shot.lights().first().copied().unwrap_or_else(|| {
-        let along = DVec3::from(shot.target) - DVec3::from(shot.eye);
-        let up = DVec3::from(shot.up);
+    let light = shot.lights.first().copied().unwrap_or_else(|| {
+        let along = shot.target - shot.eye;
+        let up = shot.up;
         let right = along.cross(up).normalize_or_zero();
         Light::Point {
             position: camera.eye() + 0.12 * along.length() * (right + up),

@@ -13,23 +13,44 @@ use deep_screen_space::{
 };
 use serde::Deserialize;
 
-use crate::{Options, support::raster};
+use super::{
+    Options,
+    support::{
+        arguments::MAX_SIDE,
+        raster,
+        visible::Sight,
+        world::{World, origin_for},
+    },
+};
 
-/// A camera and the size of its picture.
-#[derive(Clone, Copy, Debug, Deserialize)]
+/// A camera, the size of its picture and its lights; places are relative to the scene's origin.
+#[derive(Clone, Debug)]
 pub struct Shot {
-    pub eye: DVec3Array,
-    pub target: DVec3Array,
-    #[serde(default = "up")]
-    pub up: DVec3Array,
-    #[serde(rename = "vfov_deg")]
+    pub eye: DVec3,
+    pub target: DVec3,
+    pub up: DVec3,
     pub vertical_fov_degrees: f64,
     pub near: f64,
     pub width: u32,
     pub height: u32,
     /// What lights the scene besides its own emission.
-    #[serde(default)]
-    pub light: Option<Lamp>,
+    pub lights: Vec<Light>,
+}
+
+/// What is known of a camera before the scene is looked at, in the world's coordinates.
+#[derive(Clone, Copy, Debug, Deserialize)]
+struct Wanted {
+    eye: DVec3Array,
+    target: DVec3Array,
+    /// If left out, y; for one that looks along it, −z or z.
+    up: Option<DVec3Array>,
+    #[serde(rename = "vfov_deg")]
+    vertical_fov_degrees: f64,
+    /// If left out, before what is seen.
+    near: Option<f64>,
+    width: u32,
+    height: u32,
+    light: Option<Lamp>,
 }
 
 /// A light as the file of cameras has it.
@@ -46,64 +67,143 @@ pub enum Lamp {
     },
 }
 
-impl From<Lamp> for Light {
-    fn from(lamp: Lamp) -> Self {
-        match lamp {
+impl Lamp {
+    /// With its place relative to a point.
+    fn relative_to(self, origin: DVec3) -> Result<Light, String> {
+        Ok(match self {
             Lamp::Directional {
                 direction,
                 irradiance,
-            } => Self::Directional {
-                direction: direction.into(),
-                irradiance,
-            },
+            } => {
+                let direction = DVec3::from(direction);
+                if direction.try_normalize().is_none() {
+                    return Err(format!("the light's direction is {direction}"));
+                }
+                Light::Directional {
+                    direction,
+                    irradiance,
+                }
+            }
             Lamp::Point {
                 position,
                 intensity,
-            } => Self::Point {
-                position: position.into(),
+            } => Light::Point {
+                position: DVec3::from(position) - origin,
                 intensity,
             },
-        }
+        })
     }
 }
 
 type DVec3Array = [f64; 3];
 
-fn up() -> DVec3Array {
-    [0.0, 1.0, 0.0]
-}
-
 #[derive(Deserialize)]
 struct Named {
     name: String,
     #[serde(flatten)]
-    shot: Shot,
+    wanted: Wanted,
 }
 
-impl Shot {
-    pub fn camera(&self) -> Result<Camera, String> {
-        let aspect = f64::from(self.width) / f64::from(self.height);
+impl Wanted {
+    /// Moves the world to where f32 is precise for this camera, and settles what was left open.
+    fn settle(self, world: World) -> Result<(Scene, Shot), String> {
+        let [eye, target] = [self.eye, self.target].map(DVec3::from);
+        let distance = eye.distance(target);
+        if !(distance > 0.0 && distance.is_finite()) {
+            return Err(format!(
+                "the eye at {eye} cannot look at {target}: their distance is {distance}"
+            ));
+        }
         if !(self.vertical_fov_degrees > 0.0 && self.vertical_fov_degrees < 180.0) {
             return Err(format!(
                 "the field of view is {} degrees, accepted is above 0 and below 180",
                 self.vertical_fov_degrees
             ));
         }
-        if !(self.near > 0.0 && self.near.is_finite()) {
-            return Err(format!("near is {}, accepted is above 0", self.near));
+        if self
+            .near
+            .is_some_and(|near| !(near > 0.0 && near.is_finite()))
+        {
+            let near = self.near.unwrap_or_default();
+            return Err(format!("near is {near}, accepted is above 0"));
         }
+        if [self.width, self.height]
+            .iter()
+            .any(|n| !(1..=MAX_SIDE).contains(n))
+        {
+            return Err(format!(
+                "the size is {}x{}, accepted is 1 to {MAX_SIDE} each",
+                self.width, self.height
+            ));
+        }
+        let up = upward((target - eye) / distance, self.up.map(DVec3::from))?;
+        let origin = origin_for(eye, target);
+        let light = self
+            .light
+            .map(|lamp| lamp.relative_to(origin))
+            .transpose()?;
+        let scene = world.relative_to(origin)?;
+        let mut shot = Shot {
+            eye: eye - origin,
+            target: target - origin,
+            up,
+            vertical_fov_degrees: self.vertical_fov_degrees,
+            near: self.near.unwrap_or(distance),
+            width: self.width,
+            height: self.height,
+            lights: light.into_iter().collect(),
+        };
+        if self.near.is_none() {
+            shot.near = shot.near_of(&scene)?;
+        }
+        Ok((scene, shot))
+    }
+}
+
+/// The direction that is up in a picture taken along `forward`: as asked for, else y, or what a map has for a view along it.
+fn upward(forward: DVec3, wanted: Option<DVec3>) -> Result<DVec3, String> {
+    let across = |up: DVec3| forward.cross(up.normalize_or_zero()).length() > 1e-9;
+    let usual = [DVec3::Y, DVec3::new(0.0, 0.0, forward.y.signum())];
+    match wanted {
+        Some(up) if across(up) => Ok(up),
+        Some(up) => Err(format!(
+            "up is {up}, which does not cross the line of sight"
+        )),
+        None => Ok(if across(usual[0]) { usual[0] } else { usual[1] }),
+    }
+}
+
+impl Shot {
+    pub fn camera(&self) -> Result<Camera, String> {
+        let aspect = f64::from(self.width) / f64::from(self.height);
         Camera::look_at(
-            self.eye.into(),
-            self.target.into(),
-            self.up.into(),
+            self.eye,
+            self.target,
+            self.up,
             raster::perspective(self.vertical_fov_degrees, aspect, self.near),
             Viewport::full(self.width, self.height),
         )
         .map_err(|e| e.to_string())
     }
 
-    pub fn lights(&self) -> Vec<Light> {
-        self.light.into_iter().map(Light::from).collect()
+    /// A near plane that cuts off nothing of what is seen, however large the rest of the scene. With depth reversed and
+    /// without a far plane, a small one costs no precision; surfels grow no finer than they are at it.
+    fn near_of(&self, scene: &Scene) -> Result<f64, String> {
+        let upward = (self.vertical_fov_degrees.to_radians() / 2.0).tan();
+        let sight = Sight {
+            eye: self.eye,
+            rotation: self.camera()?.rotation(),
+            tangents: [
+                upward * f64::from(self.width) / f64::from(self.height),
+                upward,
+            ],
+        };
+        let distance = self.eye.distance(self.target);
+        let before = sight
+            .least_depth(scene)
+            .map_or(f64::INFINITY, |depth| 0.5 * depth);
+        // What goes through the eye itself has no near plane before it.
+        Ok(before.min(1e-3 * distance).max(1e-6 * distance))
     }
 
     /// What a ray through each pixel's centre sees.
@@ -145,30 +245,38 @@ impl Shot {
     }
 }
 
-/// Picks the view that the options ask for.
-pub fn choose(options: &Options, scene: &Scene) -> Result<Shot, String> {
-    let mut shot = if let Some(file) = &options.cameras {
+/// Picks the view that the options ask for, and the scene as it is seen from there.
+pub fn choose(options: &Options, world: World) -> Result<(Scene, Shot), String> {
+    let mut wanted = if let Some(file) = &options.cameras {
         from_file(options, file)?
-    } else if options.eye.is_some() || scene.views.is_empty() {
-        around(scene)
+    } else if options.eye.is_some() || world.scene.views.is_empty() {
+        around(&world)
     } else {
-        from_scene(options, scene)?
+        from_scene(options, &world.scene)?
     };
     if let (Some(eye), Some(target)) = (options.eye, options.target) {
-        shot.eye = eye.to_array();
-        shot.target = target.to_array();
+        wanted.eye = eye.to_array();
+        wanted.target = target.to_array();
+        // Those were of another place.
+        (wanted.near, wanted.up) = (None, None);
+    }
+    if let Some(up) = options.up {
+        wanted.up = Some(up.to_array());
+    }
+    if let Some(near) = options.near {
+        wanted.near = Some(near);
     }
     if let Some(vfov) = options.vfov {
-        shot.vertical_fov_degrees = vfov;
+        wanted.vertical_fov_degrees = vfov;
     }
     if let Some([width, height]) = options.size {
-        shot.width = width;
-        shot.height = height;
+        wanted.width = width;
+        wanted.height = height;
     }
-    Ok(shot)
+    wanted.settle(world)
 }
 
-fn from_file(options: &Options, file: &std::path::Path) -> Result<Shot, String> {
+fn from_file(options: &Options, file: &std::path::Path) -> Result<Wanted, String> {
     let name = file.display();
     let text = std::fs::read_to_string(file).map_err(|e| format!("{name}: {e}"))?;
     let scenes: HashMap<String, Vec<Named>> =
@@ -187,11 +295,11 @@ fn from_file(options: &Options, file: &std::path::Path) -> Result<Shot, String> 
     cameras
         .iter()
         .find(|c| wanted.is_none_or(|w| w == c.name))
-        .map(|c| c.shot)
+        .map(|c| c.wanted)
         .ok_or_else(|| unknown(wanted, &list))
 }
 
-fn from_scene(options: &Options, scene: &Scene) -> Result<Shot, String> {
+fn from_scene(options: &Options, scene: &Scene) -> Result<Wanted, String> {
     let list: Vec<_> = scene.views.iter().map(|v| v.name).collect();
     let wanted = options.camera.as_deref();
     let view = scene
@@ -199,12 +307,12 @@ fn from_scene(options: &Options, scene: &Scene) -> Result<Shot, String> {
         .iter()
         .find(|v| wanted.is_none_or(|w| w == v.name))
         .ok_or_else(|| unknown(wanted, &list))?;
-    Ok(Shot {
+    Ok(Wanted {
         eye: view.eye,
         target: view.target,
-        up: view.up,
+        up: Some(view.up),
         vertical_fov_degrees: view.vertical_fov_degrees,
-        near: view.near,
+        near: Some(view.near),
         width: 768,
         height: 512,
         light: sun_unless_emissive(scene),
@@ -232,24 +340,19 @@ fn unknown(wanted: Option<&str>, list: &[&str]) -> String {
 }
 
 /// A view of the whole scene from a corner above it.
-fn around(scene: &Scene) -> Shot {
-    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    for p in &scene.positions {
-        let p = DVec3::from(p.map(f64::from));
-        low = low.min(p);
-        high = high.max(p);
-    }
+fn around(world: &World) -> Wanted {
+    let (low, high) = world.bounds();
     let center = (low + high) / 2.0;
     let size = (high - low).length();
-    Shot {
+    Wanted {
         eye: (center + size * DVec3::new(0.6, 0.4, 0.8)).to_array(),
         target: center.to_array(),
-        up: up(),
+        up: None,
         vertical_fov_degrees: 45.0,
-        near: 1e-3 * size,
+        near: None,
         width: 768,
         height: 512,
-        light: sun_unless_emissive(scene),
+        light: sun_unless_emissive(&world.scene),
     }
 }
 

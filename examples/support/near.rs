@@ -16,6 +16,7 @@ use super::{
     raster::{self, Raster},
     scene::SceneBuffers,
     shadow,
+    world::bounds_of,
 };
 
 /// What is computed.
@@ -173,7 +174,7 @@ impl<'g> Stage<'g> {
         light: Light,
     ) -> Result<Self, Error> {
         let Viewport { width, height, .. } = camera.viewport();
-        let (low, high) = bounds(scene);
+        let (low, high) = bounds_of(scene);
         let radius = 0.5 * (high - low).length();
         let cameras = match light {
             Light::Point { position, .. } | Light::Spot { position, .. } => {
@@ -316,15 +317,6 @@ fn cube(eye: DVec3, near: f64) -> Result<Vec<Camera>, Error> {
             Camera::look_at(eye, eye + axis, up, projection, Viewport::full(MAP, MAP))
         })
         .collect()
-}
-
-/// The corners of a scene's box.
-fn bounds(scene: &Scene) -> (DVec3, DVec3) {
-    let points = scene.positions.iter();
-    points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| {
-        let p = DVec3::from(p.map(f64::from));
-        (low.min(p), high.max(p))
-    })
 }
 
 /// One face over a whole box, along the sun's rays.
