@@ -31,6 +31,7 @@ use serde_json::json;
 use support::{
     arguments, files,
     gpu::{Ask, Gpu},
+    near::Effect,
     presets,
     scene::load_gltf,
     world::World,
@@ -158,18 +159,17 @@ pub(crate) fn draw(gpu: &Gpu, options: &Options, scene: &Scene, shot: &Shot) -> 
     if options.effect == "sg" {
         return hull::render(gpu, options, scene, shot);
     }
-    let by_sub_images = support::near::Effect::by_name(&options.effect);
+    let by_sub_images = Effect::by_name(&options.effect);
     if options.multires && by_sub_images.is_none() {
         return Err("--multires is for --effect vo, shadow and ssgi".into());
     }
-    // Of obscurance at full resolution the preset says how.
-    let by_sub_images = by_sub_images.filter(|_| options.multires || options.effect != "vo");
-    if options.reference.is_some() && by_sub_images.is_some() {
+    if options.reference.is_some()
+        && by_sub_images.is_some_and(|effect| effect != Effect::Obscurance)
+    {
         return Err("--reference has nothing to say of this effect".into());
     }
     let rendered = match (by_sub_images, options.method.as_str()) {
         (Some(effect), _) => near::of_pixels(gpu, options, scene, shot, effect)?,
-        _ if options.effect == "vo" => near::obscurance(gpu, options, scene, shot, radius)?,
         (_, "splat") => methods::splat(gpu, options, scene, shot, radius)?,
         _ => methods::bounced(gpu, options, scene, shot, radius)?,
     };

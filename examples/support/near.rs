@@ -128,8 +128,10 @@ pub struct Stage<'g> {
     cameras: Vec<Camera>,
     map: TextureView,
     pub lit: TextureView,
-    /// How far the effects reach, world units.
+    /// How far shadows and indirect light reach, world units.
     pub reach: f32,
+    /// How far obscurance does: it is of what is near.
+    pub obscurance_radius: f32,
 }
 
 impl<'g> Stage<'g> {
@@ -183,6 +185,12 @@ impl<'g> Stage<'g> {
             Light::Directional { direction, .. } => vec![sun(low, high, direction)?],
         };
         let map = shadow::draw(gpu, buffers, &cameras, MAP, TextureFormat::Depth32Float);
+        // A file says nothing of what suits it.
+        let reach = if scene.ao_radius.is_finite() {
+            scene.ao_radius
+        } else {
+            0.1 * radius as f32
+        };
         let mut stage = Self {
             gpu,
             drawn: Raster::draw(gpu, buffers, camera),
@@ -191,12 +199,8 @@ impl<'g> Stage<'g> {
             cameras,
             map: shadow::view(&map),
             lit: gpu.storage(TextureFormat::Rgba16Float, width, height),
-            // A file says nothing of what suits it.
-            reach: if scene.ao_radius.is_finite() {
-                scene.ao_radius
-            } else {
-                0.1 * radius as f32
-            },
+            reach,
+            obscurance_radius: 0.25 * reach,
         };
         stage.illuminate(passes)?;
         Ok(stage)
@@ -394,7 +398,7 @@ impl Passes {
                     timestamps: None,
                 };
                 let settings = ObscuranceSettings {
-                    radius: 0.25 * stage.reach,
+                    radius: stage.obscurance_radius,
                     turn: false,
                     ..Default::default()
                 };

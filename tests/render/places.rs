@@ -3,6 +3,7 @@
 use serde_json::json;
 
 use super::{
+    Drawn,
     files::{Triangles, glb},
     render, rmse,
 };
@@ -70,5 +71,63 @@ fn a_far_sky_moves_no_near_plane() {
     for half in [5e3, 1e6] {
         let off = rmse(&near, &render(half, ""));
         assert!(off < 0.01, "{half}: {off}");
+    }
+}
+
+#[test]
+fn straight_down_and_up_have_an_up_of_their_own() {
+    let file = glb(
+        "corner.glb",
+        &[Triangles::corner()],
+        &json!([{ "mesh": 0 }]),
+    );
+    let render = |eye: &str, more: &str| {
+        let arguments = format!("{} {VIEW} --eye {eye} {more}", file.display());
+        render("down", &arguments)
+    };
+    let down = render("0,5,0", "--target 0,0,0 --reference 16").expect("a picture");
+    assert!(down.off("rmse") < 0.1, "{}", down.stats["reference"]);
+    // As on a map −z is up: the wall there is above the box, and the wall at −x left of it.
+    let north = render("0,5,0", "--target 0,0,0 --up 0,0,-1").expect("a picture");
+    assert_eq!(rmse(&down, &north), 0.0);
+    let east = render("0,5,0", "--target 0,0,0 --up 1,0,0").expect("a picture");
+    assert!(rmse(&down, &east) > 0.05);
+    render("0,-5,0", "--target 0,0,0").expect("a picture from below");
+    let refused = [
+        ("0,5,0", "--target 0,0,0 --up 0,1,0", "line of sight"),
+        ("0,5,0", "--target 0,5,0", "their distance is 0"),
+        ("0,5,0", "--target 0,0,0 --near 0", "near is 0"),
+        ("0,5,0", "--target 0,0,0 --near NaN", "near is NaN"),
+    ];
+    for (eye, more, why) in refused {
+        let problem = render(eye, more).err().expect(why);
+        assert!(problem.contains(why), "{problem}");
+    }
+}
+
+#[test]
+fn one_picture_with_sub_images_and_without() {
+    let file = glb(
+        "corner.glb",
+        &[Triangles::corner()],
+        &json!([{ "mesh": 0 }]),
+    );
+    for what in [
+        "vo",
+        "vo --radius 1.5 --preset fast",
+        "shadow",
+        "ssgi --radius 1.5",
+    ] {
+        let arguments = format!("{} {} --effect {what}", file.display(), view([0.0; 3]));
+        let full = render("full", &arguments).expect(what);
+        let parts = render("parts", &format!("{arguments} --multires")).expect(what);
+        let settings = |drawn: &Drawn| {
+            ["samples", "radius"].map(|field| drawn.stats["settings"][field].clone())
+        };
+        assert_eq!(settings(&full), settings(&parts));
+        // As far as the blend is off where pixels are left out, through the curve that a PNG has; a quarter of the radius
+        // is twice as far off.
+        let off = rmse(&full, &parts);
+        assert!(off < 0.025, "{what}: {off}");
     }
 }
