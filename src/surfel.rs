@@ -102,12 +102,24 @@ pub struct SurfelCounts {
     pub rejected: u32,
     /// Surfels in the cloud.
     pub stored: u32,
+    /// How many pieces fewer there are than the settings asked for, since large triangles were cut less, or not at all,
+    /// until what they give found room. Saturates at `u32::MAX`.
+    pub merged: u32,
+    /// Share of the pieces' area that found no room, in units of 2⁻³² and rounded up:
+    /// [`SurfelCounts::lost_area_share`].
+    pub lost_area: u32,
 }
 
 impl SurfelCounts {
     /// Surfels that found no room.
     pub fn overflow(&self) -> u32 {
         self.surfels - self.stored
+    }
+
+    /// Share of the area, 0…1, of the pieces that found no room: of all that the Surfelizer made pieces of, in world units
+    /// squared. 0 exactly where all found room. Rays pass through what is lost; surfels make up for it on average.
+    pub fn lost_area_share(&self) -> f64 {
+        f64::from(self.lost_area) / 4_294_967_296.0
     }
 
     /// Pieces that found no room in a cloud of this capacity; their surfels are not in [`SurfelCounts::surfels`].
