@@ -98,9 +98,12 @@ pub(crate) struct Options {
     /// Combine occluders as if they lay independently of each other, for splatting.
     #[arg(long)]
     independent: bool,
-    /// Surfels that there is room for.
+    /// Surfels that there is room for, for splatting.
     #[arg(long, default_value_t = 4_000_000)]
     surfels: u32,
+    /// Pieces of triangles that there is room for; if left out, as many as the scene comes to, if the device can hold them.
+    #[arg(long)]
+    pieces: Option<u32>,
     /// Trace the truth too, with this many rays a pixel.
     #[arg(long, num_args = 0..=1, default_missing_value = "256")]
     reference: Option<u32>,
@@ -132,7 +135,8 @@ fn main() -> ExitCode {
 
 fn run(options: &Options) -> Result<(), String> {
     let (scene, shot) = prepare(options)?;
-    let gpu = Gpu::open(Ask::from_env())?;
+    let gpu = Gpu::open(Ask::room_from_env())?;
+    gpu.end_on_error("render");
     draw(&gpu, options, &scene, &shot)
 }
 

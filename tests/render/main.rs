@@ -6,6 +6,7 @@ mod render;
 
 mod files;
 mod places;
+mod room;
 
 use std::{path::PathBuf, sync::LazyLock};
 
