@@ -28,10 +28,11 @@ use deep_screen_space::{
 use rayon::prelude::*;
 use support::{
     bounced::BouncedRenderer,
+    gltf::load_gltf,
     gpu::{Ask, Gpu},
     presets::bounced_preset,
     raster::{Raster, perspective},
-    scene::{SceneBuffers, load_gltf},
+    scene::SceneBuffers,
     world::bounds_of,
 };
 
@@ -95,7 +96,7 @@ fn main() {
 
 /// A file's scene, about the middle of its box.
 fn from_file(path: &Path) -> Result<Scene, String> {
-    let world = load_gltf(path)?;
+    let world = load_gltf(path)?.world;
     let (low, high) = world.bounds();
     world.relative_to(0.5 * (low + high))
 }

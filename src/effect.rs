@@ -27,7 +27,8 @@ pub enum Channels {
 /// fn resolve(sum: Sum, albedo: vec3f) -> vec4f
 /// ```
 ///
-/// `sender` has `radius` and `normal`, and with [`Effect::materials`] `material.albedo` and `material.emission`.
+/// `sender` has `radius` and `normal`, and with [`Effect::materials`] `material.albedo`, `material.emission` and
+/// `material.double_sided`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Effect {
     /// Appears in the labels of what is made for it.

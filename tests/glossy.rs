@@ -80,6 +80,7 @@ fn scene() -> Scene {
             .map(|emission| Material {
                 albedo: [0.0; 3],
                 emission,
+                double_sided: false,
             })
             .to_vec(),
         views: Vec::new(),

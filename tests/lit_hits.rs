@@ -230,6 +230,40 @@ fn extremes_are_the_mirrors() {
     }
 }
 
+/// A double-sided lamp turned around is as bright, and as the mirror has it; one that is not goes dark.
+#[test]
+fn double_sided_lamps_emit_from_both_sides() {
+    let settings = BouncedSettings {
+        directions: 16,
+        background: [0.0; 3],
+        ..BouncedSettings::default()
+    };
+    let mean = |double_sided: bool, turned: bool| {
+        let mut scene = scenes::cornell();
+        for material in &mut scene.materials {
+            material.double_sided = double_sided;
+        }
+        if turned {
+            for triangle in scene.indices.chunks_exact_mut(3) {
+                triangle.swap(1, 2);
+            }
+        }
+        let case = Case::new(&scene, &camera_of(&scene, 0, [32, 32]), AMPLE);
+        if double_sided {
+            case.compare("double-sided", &scene, &[], &settings);
+        }
+        let colors = lab().colors(&case.trace(&[], &settings), &settings);
+        let sum: DVec3 = colors.iter().map(|c| unpack_color(*c)).sum();
+        sum.element_sum() / colors.len() as f64
+    };
+    let [front, back, both] =
+        [(false, false), (false, true), (true, true)].map(|(a, b)| mean(a, b));
+    println!("front {front:.5}, turned {back:.5}, turned and double-sided {both:.5}");
+    assert!(front > 0.01 && back < 0.5 * front, "{front} {back}");
+    // The lamp of the box is closed: all that is seen of it is one side.
+    assert!((both / front - 1.0).abs() < 1e-3, "{front} {both}");
+}
+
 /// The picture's mean over pixels is that of the tracer within three of the error's own standard errors; and pixel by pixel
 /// the error is what the directions' noise is.
 #[test]

@@ -630,6 +630,35 @@ fn emission_is_that_of_the_front() {
     }
 }
 
+/// Of what is double-sided the back emits what the front does, and reflects besides; any number but 0 says so.
+#[test]
+fn double_sided_emission_is_that_of_both() {
+    let lab = Lab::new();
+    let lit = lab.cloud(
+        &squares(&[(DVec3::ZERO, 1.0)]),
+        &above(3.0),
+        &SurfelizerSettings::default(),
+    );
+    let up = Light::Directional {
+        direction: DVec3::Y,
+        irradiance: [PI as f32; 3],
+    };
+    for double_sided in [1, u32::MAX] {
+        let lamp = Material {
+            double_sided,
+            ..material([0.5; 3], [PI as f32, 0.0, 2.0])
+        };
+        for (lights, reflected) in [(&[][..], 0.0), (&[unshadowed(up)], 0.5)] {
+            for found in lab.shade(&lit, &[lamp], lights, 1) {
+                let front = DVec3::new(1.0, 0.0, 2.0 / PI);
+                let back = front + reflected;
+                let off = (color(found.front) - front).abs() + (color(found.back) - back).abs();
+                assert!(off.max_element() < 1e-6, "{found:?}");
+            }
+        }
+    }
+}
+
 /// A square between a light and the ground: a shadow of known size, whatever the map's depth convention and format, and
 /// none of a surface on itself.
 #[test]

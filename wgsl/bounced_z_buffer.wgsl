@@ -154,7 +154,7 @@ fn incoming(ray: Ray, hit: Hit) -> vec3f {
     }
   }
   let material = materials[min(piece.material, arrayLength(&materials) - 1u)];
-  let own = select(vec3f(0.0), sound(material.emission), facing);
+  let own = own_radiosity(material, facing);
   return min((own + sound(material.albedo) * irradiance) / PI, vec3f(BRIGHTEST));
 #else
 #if SENDER_DISKS

@@ -83,7 +83,8 @@ fn shade(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_inde
   var front = vec3f(0.0);
   var back = vec3f(0.0);
   if params.first != 0u {
-    front = sound(material.emission) / PI;
+    front = own_radiosity(material, true) / PI;
+    back = own_radiosity(material, false) / PI;
   } else {
     front = radiance[i].front;
     back = radiance[i].back;

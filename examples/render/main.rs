@@ -30,11 +30,10 @@ use serde::Serialize;
 use serde_json::json;
 use support::{
     arguments, files,
+    gltf::{Loaded, load_gltf},
     gpu::{Ask, Gpu},
     near::Effect,
     presets,
-    scene::load_gltf,
-    world::World,
 };
 use view::Shot;
 
@@ -47,7 +46,7 @@ pub(crate) struct Options {
     /// A JSON file of cameras by scene, each with name, eye, target, up, `vfov_deg`, near, width, height and light.
     #[arg(long)]
     cameras: Option<PathBuf>,
-    /// Which camera of the file, or which view of the crate's scene.
+    /// Which camera of the file of cameras or else of the glTF file, or which view of the crate's scene.
     #[arg(long)]
     camera: Option<String>,
     /// The eye, x,y,z.
@@ -142,14 +141,17 @@ fn run(options: &Options) -> Result<(), String> {
 
 /// Reads the scene, and finds the place to look from.
 pub(crate) fn prepare(options: &Options) -> Result<(Scene, Shot), String> {
-    let world: World = match options.scene.as_deref() {
+    let loaded: Loaded = match options.scene.as_deref() {
         None => scenes::colonnade().into(),
         Some(name) => match scenes::by_name(name) {
             Some(scene) => scene.into(),
             None => load_gltf(name.as_ref())?,
         },
     };
-    view::choose(options, world)
+    for note in &loaded.notes {
+        eprintln!("render: {note}");
+    }
+    view::choose(options, loaded)
 }
 
 /// Renders, and writes what comes of it.

@@ -17,6 +17,7 @@ use super::{
     Options,
     support::{
         arguments::MAX_SIDE,
+        gltf::{FileCamera, Loaded},
         raster,
         visible::Sight,
         world::{World, origin_for},
@@ -67,32 +68,35 @@ pub enum Lamp {
     },
 }
 
-impl Lamp {
-    /// With its place relative to a point.
-    fn relative_to(self, origin: DVec3) -> Result<Light, String> {
-        Ok(match self {
+impl From<Lamp> for Light {
+    fn from(lamp: Lamp) -> Self {
+        match lamp {
             Lamp::Directional {
                 direction,
                 irradiance,
-            } => {
-                let direction = DVec3::from(direction);
-                if direction.try_normalize().is_none() {
-                    return Err(format!("the light's direction is {direction}"));
-                }
-                Light::Directional {
-                    direction,
-                    irradiance,
-                }
-            }
+            } => Self::Directional {
+                direction: direction.into(),
+                irradiance,
+            },
             Lamp::Point {
                 position,
                 intensity,
-            } => Light::Point {
-                position: DVec3::from(position) - origin,
+            } => Self::Point {
+                position: position.into(),
                 intensity,
             },
-        })
+        }
     }
+}
+
+/// A light with its place relative to a point.
+fn relative_to(mut light: Light, origin: DVec3) -> Result<Light, String> {
+    match &mut light {
+        Light::Directional { .. } => {}
+        Light::Point { position, .. } | Light::Spot { position, .. } => *position -= origin,
+    }
+    light.validate().map_err(|e| e.to_string())?;
+    Ok(light)
 }
 
 type DVec3Array = [f64; 3];
@@ -106,7 +110,7 @@ struct Named {
 
 impl Wanted {
     /// Moves the world to where f32 is precise for this camera, and settles what was left open.
-    fn settle(self, world: World) -> Result<(Scene, Shot), String> {
+    fn settle(self, world: World, lights: &[Light]) -> Result<(Scene, Shot), String> {
         let [eye, target] = [self.eye, self.target].map(DVec3::from);
         let distance = eye.distance(target);
         if !(distance > 0.0 && distance.is_finite()) {
@@ -138,10 +142,8 @@ impl Wanted {
         }
         let up = upward((target - eye) / distance, self.up.map(DVec3::from))?;
         let origin = origin_for(eye, target);
-        let light = self
-            .light
-            .map(|lamp| lamp.relative_to(origin))
-            .transpose()?;
+        let lights = lights.iter().map(|&light| relative_to(light, origin));
+        let lights = lights.collect::<Result<_, _>>()?;
         let scene = world.relative_to(origin)?;
         let mut shot = Shot {
             eye: eye - origin,
@@ -151,7 +153,7 @@ impl Wanted {
             near: self.near.unwrap_or(distance),
             width: self.width,
             height: self.height,
-            lights: light.into_iter().collect(),
+            lights,
         };
         if self.near.is_none() {
             shot.near = shot.near_of(&scene)?;
@@ -246,14 +248,24 @@ impl Shot {
 }
 
 /// Picks the view that the options ask for, and the scene as it is seen from there.
-pub fn choose(options: &Options, world: World) -> Result<(Scene, Shot), String> {
+pub fn choose(options: &Options, loaded: Loaded) -> Result<(Scene, Shot), String> {
+    let world = loaded.world;
     let mut wanted = if let Some(file) = &options.cameras {
         from_file(options, file)?
+    } else if !loaded.cameras.is_empty() && (options.eye.is_none() || options.camera.is_some()) {
+        from_gltf(options, &loaded.cameras)?
     } else if options.eye.is_some() || world.scene.views.is_empty() {
         around(&world)
     } else {
         from_scene(options, &world.scene)?
     };
+    let mut lights: Vec<Light> = match wanted.light {
+        Some(lamp) => vec![lamp.into()],
+        None => loaded.lights,
+    };
+    if lights.is_empty() && options.cameras.is_none() {
+        lights.extend(sun_unless_emissive(&world.scene));
+    }
     if let (Some(eye), Some(target)) = (options.eye, options.target) {
         wanted.eye = eye.to_array();
         wanted.target = target.to_array();
@@ -273,7 +285,26 @@ pub fn choose(options: &Options, world: World) -> Result<(Scene, Shot), String> 
         wanted.width = width;
         wanted.height = height;
     }
-    wanted.settle(world)
+    wanted.settle(world, &lights)
+}
+
+fn from_gltf(options: &Options, cameras: &[FileCamera]) -> Result<Wanted, String> {
+    let list: Vec<_> = cameras.iter().map(|c| c.name.as_str()).collect();
+    let wanted = options.camera.as_deref();
+    let camera = cameras
+        .iter()
+        .find(|c| wanted.is_none_or(|w| w == c.name))
+        .ok_or_else(|| unknown(wanted, &list))?;
+    Ok(Wanted {
+        eye: camera.eye.to_array(),
+        target: camera.target.to_array(),
+        up: Some(camera.up.to_array()),
+        vertical_fov_degrees: camera.vertical_fov_degrees,
+        near: Some(camera.near),
+        width: 768,
+        height: 512,
+        light: None,
+    })
 }
 
 fn from_file(options: &Options, file: &std::path::Path) -> Result<Wanted, String> {
@@ -315,18 +346,18 @@ fn from_scene(options: &Options, scene: &Scene) -> Result<Wanted, String> {
         near: Some(view.near),
         width: 768,
         height: 512,
-        light: sun_unless_emissive(scene),
+        light: None,
     })
 }
 
 /// Late morning, for a scene without a light of its own.
-fn sun_unless_emissive(scene: &Scene) -> Option<Lamp> {
+fn sun_unless_emissive(scene: &Scene) -> Option<Light> {
     let dark = scene
         .materials
         .iter()
         .all(|material| material.emission == [0.0; 3]);
-    dark.then_some(Lamp::Directional {
-        direction: [0.45, -0.8, -0.4],
+    dark.then_some(Light::Directional {
+        direction: DVec3::new(0.45, -0.8, -0.4),
         irradiance: [3.2, 3.1, 2.9],
     })
 }
@@ -352,7 +383,7 @@ fn around(world: &World) -> Wanted {
         near: None,
         width: 768,
         height: 512,
-        light: sun_unless_emissive(&world.scene),
+        light: None,
     }
 }
 

@@ -13,7 +13,7 @@ use super::{
     light::arrival,
     packing::pack_color,
     shell_splatter::Receiver,
-    surfel_shader::{BRIGHTEST, sound},
+    surfel_shader::{BRIGHTEST, own_radiosity, sound},
     surfelizer::{Piece, Triangle, leaf_at, nearest_room},
 };
 use crate::{
@@ -259,11 +259,7 @@ impl Tracing<'_> {
             }
         }
         let material = materials[(piece.material as usize).min(materials.len() - 1)];
-        let own = if facing {
-            sound(material.emission)
-        } else {
-            DVec3::ZERO
-        };
+        let own = own_radiosity(&material, facing);
         ((own + sound(material.albedo) * irradiance) / PI).min(DVec3::splat(BRIGHTEST))
     }
 }

@@ -7,8 +7,8 @@
 //!
 //! * Surfaces have two sides, of one albedo. The side that the ray meets counts, with the geometric
 //!   normal on that side: light on the other side is not seen.
-//! * L is the direct radiance of that side ([`Tracer::direct`]), and on a front the material's
-//!   emission over π too, its radiosity being π times its radiance.
+//! * L is the direct radiance of that side ([`Tracer::direct`]), and on a front, and on the back of what
+//!   is double-sided, the material's emission over π too, its radiosity being π times its radiance.
 //! * A ray that meets nothing brings nothing: the sky is black. So does a direction with
 //!   ⟨Ng, ω⟩ ≤ 0, which points into the surface.
 
@@ -127,10 +127,11 @@ impl Tracer {
         let color = |c: [f32; 3]| DVec3::from(c.map(f64::from));
         let normal = triangle.normal();
         let front = normal.dot(direction) < 0.0;
-        let (normal, emission) = if front {
-            (normal, color(material.emission) / PI)
+        let normal = if front { normal } else { -normal };
+        let emission = if front || material.double_sided != 0 {
+            color(material.emission) / PI
         } else {
-            (-normal, DVec3::ZERO)
+            DVec3::ZERO
         };
         emission + self.direct(triangle.at(&hit), normal, color(material.albedo), lights)
     }
