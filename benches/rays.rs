@@ -33,6 +33,7 @@ use support::{
     presets::bounced_preset,
     raster::{Raster, perspective},
     scene::SceneBuffers,
+    world::bounds_of,
 };
 
 /// Best of this many runs: a shared machine only ever adds time.
@@ -81,11 +82,9 @@ fn main() {
     let rows: Vec<_> = names
         .iter()
         .map(|name| {
-            let scene = scenes::by_name(name).unwrap_or_else(|| {
-                load_gltf(name.as_ref())
-                    .expect("a scene or a glTF file")
-                    .scene
-            });
+            let scene = scenes::by_name(name)
+                .map_or_else(|| from_file(name.as_ref()), Ok)
+                .expect("a scene or a glTF file");
             measure(&gpu, &scene, name, size)
         })
         .collect();
@@ -93,6 +92,13 @@ fn main() {
     std::fs::create_dir_all(folder).expect("target can be written");
     let text = serde_json::to_string_pretty(&rows).expect("rows are plain");
     std::fs::write(folder.join("rays.json"), text).expect("target can be written");
+}
+
+/// A file's scene, about the middle of its box.
+fn from_file(path: &Path) -> Result<Scene, String> {
+    let world = load_gltf(path)?.world;
+    let (low, high) = world.bounds();
+    world.relative_to(0.5 * (low + high))
 }
 
 /// The scene's own first view, or one from a corner of its bounds to their middle.
@@ -103,14 +109,7 @@ fn camera_of(scene: &Scene, [width, height]: [u32; 2]) -> Camera {
         let projection = perspective(view.vertical_fov_degrees, aspect, view.near);
         (view.eye, view.target, view.up, projection)
     } else {
-        let corners = scene.positions.iter().fold(
-            [DVec3::INFINITY, DVec3::NEG_INFINITY],
-            |[low, high], p| {
-                let p = DVec3::from(p.map(f64::from));
-                [low.min(p), high.max(p)]
-            },
-        );
-        let [low, high] = corners;
+        let (low, high) = bounds_of(scene);
         let eye = high + 0.3 * (high - low);
         let near = 1e-3 * (high - low).length();
         let projection = perspective(40.0, aspect, near);

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use deep_screen_space::{Components, Light, SgHullSize, glam::DVec3, scenes::Scene};
+use deep_screen_space::{Components, Light, SgHullSize, scenes::Scene};
 use serde_json::json;
 
-use crate::{
+use super::{
     Options,
     support::{
         files,
@@ -28,7 +28,7 @@ pub fn render(gpu: &Gpu, options: &Options, scene: &Scene, shot: &Shot) -> Resul
     let raster = Raster::draw(gpu, &buffers, &camera);
     let size = SgHullSize::new(shot.width, shot.height);
     let renderer = HullRenderer::new(gpu, size, Components::default()).map_err(error)?;
-    let lamp = match shot.lights().first() {
+    let lamp = match shot.lights.first() {
         Some(Light::Directional {
             direction,
             irradiance,
@@ -43,7 +43,7 @@ pub fn render(gpu: &Gpu, options: &Options, scene: &Scene, shot: &Shot) -> Resul
                 intensity,
                 ..
             },
-        ) => Lamp::spot(*position, DVec3::from(shot.target), MAP_DEGREES, *intensity),
+        ) => Lamp::spot(*position, shot.target, MAP_DEGREES, *intensity),
         None => Lamp::of(scene),
     };
     let lights = renderer

@@ -13,6 +13,7 @@ use super::{
     gpu::Gpu,
     raster::{Raster, perspective},
     scene::SceneBuffers,
+    world::bounds_of,
 };
 
 /// The pipelines and one view.
@@ -82,12 +83,7 @@ impl Lamp {
 
     /// A directional light over a whole scene.
     pub fn sun(scene: &Scene, direction: DVec3, irradiance: [f32; 3]) -> Self {
-        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for p in &scene.positions {
-            let p = DVec3::from(p.map(f64::from));
-            low = low.min(p);
-            high = high.max(p);
-        }
+        let (low, high) = bounds_of(scene);
         let direction = direction.normalize();
         let radius = 0.5 * (high - low).length();
         // Depth 1 at the near plane and 0 at the far one.

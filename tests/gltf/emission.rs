@@ -6,7 +6,7 @@ use deep_screen_space::scenes::{Material, Scene};
 use image::{ImageFormat, Rgb, RgbImage};
 use serde_json::json;
 
-use crate::files::{File, UNSIGNED_SHORT, assert_sound, square};
+use crate::files::{File, UNSIGNED_SHORT, assert_sound, near_origin, square};
 
 /// A square whose material is this.
 fn of_material(material: serde_json::Value) -> File {
@@ -157,7 +157,7 @@ fn textures_that_cannot_be_read_are_noted() {
         material["pbrMetallicRoughness"] = json!({ "baseColorTexture": { "index": texture }, "baseColorFactor": [0.5, 0.25, 1, 1] });
         texture_coordinates(&mut file, ALL);
         let loaded = file.read().expect("a square");
-        let found = only(&loaded.scene);
+        let found = only(&near_origin(loaded.world));
         assert_close(found.emission, [0.0; 3]);
         assert_close(found.albedo, [0.5, 0.25, 1.0]);
         assert_eq!(loaded.notes.len(), 1, "{:?}", loaded.notes);
@@ -175,7 +175,7 @@ fn textures_that_cannot_be_read_are_noted() {
     );
     file.json["materials"][0]["emissiveTexture"] = json!({ "index": 0 });
     let loaded = file.read().expect("a square");
-    assert_close(only(&loaded.scene).emission, [0.0; 3]);
+    assert_close(only(&near_origin(loaded.world)).emission, [0.0; 3]);
     assert!(loaded.notes[0].contains("texture 0"), "{:?}", loaded.notes);
 }
 

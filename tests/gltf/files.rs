@@ -8,7 +8,10 @@ use deep_screen_space::{
 };
 use serde_json::{Value, json};
 
-use crate::support::gltf::{Loaded, read_gltf};
+use crate::support::{
+    gltf::{Loaded, read_gltf},
+    world::World,
+};
 
 /// Corners of triangles that a test's file may have.
 pub const ROOM: usize = 1 << 16;
@@ -119,8 +122,17 @@ impl File {
     }
 
     pub fn scene(&self) -> Scene {
-        self.read().expect("a good file").scene
+        near_origin(self.read().expect("a good file").world)
     }
+}
+
+/// About the world's origin, or about its own middle where it lies far away.
+pub fn near_origin(world: World) -> Scene {
+    let (low, high) = world.bounds();
+    let middle = (low + high) / 2.0;
+    let is_far = middle.length() > 16.0 * (high - low).length();
+    let origin = if is_far { middle.round() } else { DVec3::ZERO };
+    world.relative_to(origin).expect("finite places")
 }
 
 pub fn read(bytes: &[u8]) -> Result<Loaded, String> {

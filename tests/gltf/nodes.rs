@@ -7,7 +7,7 @@ use deep_screen_space::{
 use serde_json::json;
 
 use crate::files::{
-    BYTE, CORNERS, File, SHORT, UNSIGNED_BYTE, area, assert_sound, square, triangles,
+    BYTE, CORNERS, File, SHORT, UNSIGNED_BYTE, area, assert_sound, near_origin, square, triangles,
 };
 
 fn moved(by: [f32; 3]) -> Vec<[[f32; 3]; 3]> {
@@ -120,12 +120,9 @@ fn far_scenes_keep_their_digits() {
         json!({ "children": [0], "translation": [16_777_216, -3, 0] }),
     );
     file.json["scenes"][0]["nodes"] = json!([away]);
-    let loaded = file.read().expect("a square");
-    assert!((area(&loaded.scene) - 0.0625 * DVec3::Z).length() < 1e-9);
-    let origin = loaded.origin;
-    let corner = origin + Vec3::from(loaded.scene.positions[0]).as_dvec3();
-    assert_eq!(corner, DVec3::new(16_777_216.0, -3.0, 0.0));
-    assert_eq!(square().read().expect("a square").origin, DVec3::ZERO);
+    let world = file.read().expect("a square").world;
+    assert_eq!(world.positions[0], DVec3::new(16_777_216.0, -3.0, 0.0));
+    assert!((area(&near_origin(world)) - 0.0625 * DVec3::Z).length() < 1e-9);
 }
 
 /// Joints alone place a skinned mesh: where its node is does not matter.
@@ -187,7 +184,7 @@ fn joints_move_skinned_meshes() {
         .expect("an object")
         .retain(|name, _| !name.ends_with("_0"));
     let loaded = file.read().expect("a square");
-    assert_eq!(triangles(&loaded.scene), moved([100.0; 3]));
+    assert_eq!(triangles(&near_origin(loaded.world)), moved([100.0; 3]));
     assert!(loaded.notes[0].contains("no joints"), "{:?}", loaded.notes);
 }
 

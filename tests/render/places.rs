@@ -1,0 +1,133 @@
+//! Where the scene is, and where it is looked at from.
+
+use serde_json::json;
+
+use super::{
+    Drawn,
+    files::{Triangles, glb},
+    render, rmse,
+};
+
+const VIEW: &str = "--vfov 50 --size 96x64";
+
+/// A command line for a view of the corner of a room, moved by `at`.
+fn view(at: [f64; 3]) -> String {
+    let [eye, target] = [[3.0, 2.5, 4.0], [0.0, 0.5, 0.0]]
+        .map(|p| [0, 1, 2].map(|k| (p[k] + at[k]).to_string()).join(","));
+    format!("{VIEW} --eye {eye} --target {target}")
+}
+
+#[test]
+fn far_from_the_origin_is_as_at_the_origin() {
+    // A place whose digits f32 has not: the child's translation is lost where transforms are joined in f32, the eye's
+    // fraction where it is rounded.
+    let far = [4_194_311.0, 0.0, -4_194_311.0];
+    let file = |name, at: [f64; 3]| {
+        let nodes = json!([
+            { "translation": at, "children": [1] },
+            { "translation": [0.3, 0.0, 0.1], "mesh": 0 },
+        ]);
+        glb(name, &[Triangles::corner()], &nodes)
+            .display()
+            .to_string()
+    };
+    let (here, there) = (file("here.glb", [0.0; 3]), file("there.glb", far));
+    for effect in ["ao", "gi", "vo", "shadow", "ssgi", "sg"] {
+        let what = format!("--effect {effect}");
+        let at_origin = render("here", &format!("{here} {} {what}", view([0.0; 3]))).expect(effect);
+        let at_far = render("there", &format!("{there} {} {what}", view(far))).expect(effect);
+        // Places are rounded at the scale of what is seen: pixels at edges change sides, as do the few texels of the
+        // light's map that `sg` has.
+        let off = rmse(&at_origin, &at_far);
+        let most = if effect == "sg" { 0.04 } else { 0.01 };
+        assert!(off < most, "{effect}: {off}");
+        assert!((at_origin.mean() - at_far.mean()).abs() < 1e-3, "{effect}");
+    }
+    let ao = format!("{there} {} --reference 16", view(far));
+    let ao = render("there", &ao).expect("a picture");
+    assert!(
+        ao.off("rmse") < 0.1 && ao.off("bias").abs() < 0.01,
+        "{}",
+        ao.stats["reference"]
+    );
+}
+
+#[test]
+fn a_far_sky_moves_no_near_plane() {
+    let nodes = json!([{ "mesh": 0, "children": [1] }, { "mesh": 1 }]);
+    let render = |half, more| {
+        let file = glb(
+            "sky.glb",
+            &[Triangles::corner(), Triangles::sky(half)],
+            &nodes,
+        );
+        let arguments = format!("{} {} --radius 3 {more}", file.display(), view([0.0; 3]));
+        render("sky", &arguments).expect("a picture")
+    };
+    let near = render(100.0, "--reference 16");
+    // With the near plane beyond the room the picture is white, and so is the truth.
+    assert!(near.off("mean") < 0.9, "{}", near.stats["reference"]);
+    assert!(near.off("rmse") < 0.08, "{}", near.stats["reference"]);
+    for half in [5e3, 1e6] {
+        let off = rmse(&near, &render(half, ""));
+        assert!(off < 0.01, "{half}: {off}");
+    }
+}
+
+#[test]
+fn straight_down_and_up_have_an_up_of_their_own() {
+    let file = glb(
+        "corner.glb",
+        &[Triangles::corner()],
+        &json!([{ "mesh": 0 }]),
+    );
+    let render = |eye: &str, more: &str| {
+        let arguments = format!("{} {VIEW} --eye {eye} {more}", file.display());
+        render("down", &arguments)
+    };
+    let down = render("0,5,0", "--target 0,0,0 --reference 16").expect("a picture");
+    assert!(down.off("rmse") < 0.1, "{}", down.stats["reference"]);
+    // As on a map −z is up: the wall there is above the box, and the wall at −x left of it.
+    let north = render("0,5,0", "--target 0,0,0 --up 0,0,-1").expect("a picture");
+    assert_eq!(rmse(&down, &north), 0.0);
+    let east = render("0,5,0", "--target 0,0,0 --up 1,0,0").expect("a picture");
+    assert!(rmse(&down, &east) > 0.05);
+    render("0,-5,0", "--target 0,0,0").expect("a picture from below");
+    let refused = [
+        ("0,5,0", "--target 0,0,0 --up 0,1,0", "line of sight"),
+        ("0,5,0", "--target 0,5,0", "their distance is 0"),
+        ("0,5,0", "--target 0,0,0 --near 0", "near is 0"),
+        ("0,5,0", "--target 0,0,0 --near NaN", "near is NaN"),
+    ];
+    for (eye, more, why) in refused {
+        let problem = render(eye, more).err().expect(why);
+        assert!(problem.contains(why), "{problem}");
+    }
+}
+
+#[test]
+fn one_picture_with_sub_images_and_without() {
+    let file = glb(
+        "corner.glb",
+        &[Triangles::corner()],
+        &json!([{ "mesh": 0 }]),
+    );
+    for what in [
+        "vo",
+        "vo --radius 1.5 --preset fast",
+        "shadow",
+        "ssgi --radius 1.5",
+    ] {
+        let arguments = format!("{} {} --effect {what}", file.display(), view([0.0; 3]));
+        let full = render("full", &arguments).expect(what);
+        let parts = render("parts", &format!("{arguments} --multires")).expect(what);
+        let settings = |drawn: &Drawn| {
+            ["samples", "radius"].map(|field| drawn.stats["settings"][field].clone())
+        };
+        assert_eq!(settings(&full), settings(&parts));
+        // As far as the blend is off where pixels are left out, through the curve that a PNG has; a quarter of the radius
+        // is twice as far off.
+        let off = rmse(&full, &parts);
+        assert!(off < 0.025, "{what}: {off}");
+    }
+}
