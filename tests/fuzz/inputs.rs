@@ -13,10 +13,15 @@ use crate::case::Case;
 
 /// The side of an image, mostly a small one.
 pub fn side(case: &mut Case<'_>) -> u32 {
+    // Powers of two are their own kind of texture to some drivers.
+    let is_even = case.usual("power of two", &[true, false, false, false]);
     match case.random.below(8) {
         0 => 1,
-        1 => case.random.one_of(&[2, 8, 16, 32, 33, 65]),
-        _ => 1 + 40_f64.powf(case.random.unit()) as u32,
+        _ if is_even => 1 << case.random.below(7),
+        _ => {
+            let side = 2 + 40_f64.powf(case.random.unit()) as u32;
+            side + u32::from(side.is_power_of_two())
+        }
     }
 }
 
@@ -251,9 +256,10 @@ fn fill(
     {
         return;
     }
+    // All of the level, since depth formats cannot be written in part; beside the viewport nothing is read.
     let mut data = Vec::new();
-    for y in 0..viewport.height {
-        for x in 0..viewport.width {
+    for y in 0..covered[1] {
+        for x in 0..covered[0] {
             let is_garbage = match contents {
                 Contents::Garbage => true,
                 Contents::Sprinkled => case.random.chance(0.1),
@@ -262,28 +268,25 @@ fn fill(
             if is_garbage {
                 data.extend(case.random.garbage(bytes as usize));
             } else {
-                encode(format, texel(x, y), &mut data);
+                let texel = texel(x.saturating_sub(viewport.x), y.saturating_sub(viewport.y));
+                encode(format, texel, &mut data);
             }
         }
     }
     let mut to = part.texture.as_image_copy();
     to.mip_level = part.mip;
-    to.origin = wgpu::Origin3d {
-        x: viewport.x,
-        y: viewport.y,
-        z: part.layer,
-    };
+    to.origin.z = part.layer;
     case.world.gpu.queue.write_texture(
         to,
         &data,
         wgpu::TexelCopyBufferLayout {
             offset: 0,
-            bytes_per_row: Some(bytes * viewport.width),
+            bytes_per_row: Some(bytes * covered[0]),
             rows_per_image: None,
         },
         wgpu::Extent3d {
-            width: viewport.width,
-            height: viewport.height,
+            width: covered[0],
+            height: covered[1],
             depth_or_array_layers: 1,
         },
     );
@@ -355,7 +358,6 @@ pub fn gbuffer(case: &mut Case<'_>, camera: &Camera, albedo: bool) -> Drawn {
     let viewport = camera.viewport();
     let seed = case.random.bits();
     let depth = depth(case, "depth", camera, seed);
-    let random = &mut case.random;
     let encodings = [
         (NormalEncoding::Signed, Format::Rgba16Float),
         (NormalEncoding::Signed, Format::Rgba32Float),
@@ -365,7 +367,8 @@ pub fn gbuffer(case: &mut Case<'_>, camera: &Camera, albedo: bool) -> Drawn {
         (NormalEncoding::Octahedral, Format::Rg8Snorm),
         (NormalEncoding::OctahedralUnsigned, Format::Rg8Unorm),
     ];
-    let (encoding, mut format) = random.one_of(&encodings);
+    let (encoding, mut format) = case.usual("normal", &encodings);
+    let random = &mut case.random;
     if random.breaks() {
         format = random.one_of(&[Format::R32Float, Format::Rg8Unorm, Format::Rgba8Uint]);
     }
@@ -404,7 +407,7 @@ pub fn gbuffer(case: &mut Case<'_>, camera: &Camera, albedo: bool) -> Drawn {
             Format::Rgba16Float,
             Format::Rgba32Float,
         ];
-        let format = case.random.one_of(&formats);
+        let format = case.usual("albedo", &formats);
         image(case, "albedo", format, viewport, |x, y| {
             [(x % 4) as f32 * 0.3, (y % 5) as f32 * 0.25, 0.5, 1.0]
         })
@@ -434,7 +437,7 @@ pub fn depth(case: &mut Case<'_>, name: &str, camera: &Camera, seed: u64) -> Par
         Format::Depth24Plus,
         Format::Depth24PlusStencil8,
     ];
-    let mut format = case.random.one_of(&formats);
+    let mut format = case.usual(name, &formats);
     if case.random.breaks() {
         format = case
             .random
