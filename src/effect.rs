@@ -42,7 +42,7 @@ pub struct Effect {
     pub albedo: bool,
     /// Whether a surfel contributes behind its back. Where it does not, surfels that face away are never evaluated.
     pub two_sided: bool,
-    /// Values for `override` constants of `source`.
+    /// Values for `override` constants of `source`: for all that have none of their own, and for no others.
     pub constants: Vec<(String, f64)>,
 }
 
@@ -60,6 +60,11 @@ impl Effect {
             flags.push("ONE_SIDED");
         }
         flags
+    }
+
+    /// [`crate::Error::Effect`] for constants that its source does not have.
+    pub(crate) fn check(&self) -> Result<(), crate::Error> {
+        crate::overrides::check_constants(&self.label, &self.source, &self.constants)
     }
 
     /// The constants as pipelines take them.

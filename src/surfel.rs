@@ -10,6 +10,7 @@ use crate::{
         scan::{Scan, ScanBuffer},
         storage,
     },
+    recorded::{Recordings, Stamp},
     surfelizer::settings::Placement,
 };
 
@@ -20,12 +21,33 @@ pub struct CloudCapacity {
     /// an even selection of them stays, enlarged to keep the area, and [`SurfelCounts::overflow`] tells. 0 where only
     /// pieces are of use, as to a [`BouncedZBuffer`](crate::BouncedZBuffer) for ambient occlusion.
     pub surfels: u32,
-    /// Triangles after large ones were split; 1…2.7 million within `Limits::default()` (48 bytes each). One a triangle
-    /// that is larger than a surfel, plus a few hundred for each that spans the view, is ample.
+    /// Triangles after large ones were split, 1…2²³, of which `Limits::default()` leaves 2 796 202: they are 48 bytes each in
+    /// one binding, and 2²³ need a `max_storage_buffer_binding_size` of 402 653 184 bytes. One a triangle that is larger than
+    /// a surfel, plus a few hundred for each that spans the view, is ample.
     pub pieces: u32,
     /// Triangles of all instances of all meshes, 0…2²⁵, of which `Limits::default()` leaves 2²⁵ − 1.
     pub triangles: u32,
 }
+
+impl CloudCapacity {
+    /// The most of each that a device with these limits can bind.
+    pub fn largest(limits: &wgpu::Limits) -> Self {
+        let bytes = limits
+            .max_storage_buffer_binding_size
+            .min(limits.max_buffer_size);
+        let most = |most: u32, each: usize| (bytes / each as u64).min(u64::from(most)) as u32;
+        Self {
+            surfels: most(MOST_SURFELS, size_of::<Surfel>()),
+            pieces: most(MOST_PIECES, size_of::<Piece>()),
+            // A number for each, and their total.
+            triangles: most(MOST_TRIANGLES + 1, size_of::<u32>()).saturating_sub(1),
+        }
+    }
+}
+
+const MOST_SURFELS: u32 = 1 << 23;
+const MOST_PIECES: u32 = 1 << 23;
+const MOST_TRIANGLES: u32 = 1 << 25;
 
 /// A surfel's disk: `surfels` of the cloud, 16 bytes each.
 #[repr(C)]
@@ -120,6 +142,7 @@ impl SurfelCounts {
 #[derive(Debug)]
 pub struct SurfelCloud {
     pub(crate) capacity: CloudCapacity,
+    pub(crate) recordings: Recordings,
     pub(crate) origin: DVec3,
     /// How its surfels were last placed.
     pub(crate) placement: Placement,
@@ -142,19 +165,19 @@ impl SurfelCloud {
         capacity: CloudCapacity,
     ) -> Result<Self, Error> {
         check_setting(
-            capacity.surfels <= 1 << 23,
+            capacity.surfels <= MOST_SURFELS,
             "CloudCapacity::surfels",
             capacity.surfels,
             "0 to 2^23",
         )?;
         check_setting(
-            (1..=1 << 23).contains(&capacity.pieces),
+            (1..=MOST_PIECES).contains(&capacity.pieces),
             "CloudCapacity::pieces",
             capacity.pieces,
             "1 to 2^23",
         )?;
         check_setting(
-            capacity.triangles <= 1 << 25,
+            capacity.triangles <= MOST_TRIANGLES,
             "CloudCapacity::triangles",
             capacity.triangles,
             "0 to 2^25",
@@ -163,6 +186,7 @@ impl SurfelCloud {
         let bytes = |count: u32, size: usize| u64::from(count) * size as u64;
         Ok(Self {
             capacity,
+            recordings: Recordings::default(),
             origin: DVec3::ZERO,
             placement: Placement::default(),
             perspective: true,
@@ -207,6 +231,16 @@ impl SurfelCloud {
                 capacity.pieces,
             )?,
         })
+    }
+
+    /// Its last recording, for what is recorded from it.
+    pub(crate) fn last(&self) -> Result<Stamp, Error> {
+        self.recordings.last("SurfelCloud")
+    }
+
+    /// [`Error::Recording`] for `name` where it was not recorded from this, since this was.
+    pub(crate) fn check_source(&self, name: &'static str, stamp: &Stamp) -> Result<(), Error> {
+        stamp.check(name, "SurfelCloud", &self.recordings)
     }
 
     /// What it can hold.

@@ -12,8 +12,9 @@ use std::{
 };
 
 use deep_screen_space::{
-    Camera, Components, Error, Gatherer, HullSegment, HullVertex, Light, PolygonLight, SgHull,
-    SgHullCounts, SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize, SgHullView, Viewport,
+    Camera, Components, Error, Gatherer, GathererBinding, HullSegment, HullVertex, Light,
+    PolygonLight, SgHull, SgHullCounts, SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize,
+    SgHullView, Viewport,
     glam::{DMat4, DVec3, DVec4},
     reference::{
         packing::unpack_normal,
@@ -101,7 +102,7 @@ fn record(
     gpu: &Gpu,
     hull: &SgHull,
     shot: &Shot,
-    gather: &wgpu::BindGroup,
+    gather: &GathererBinding,
     settings: &SgHullSettings,
     size: SgHullSize,
 ) -> Recorded {
@@ -800,7 +801,7 @@ impl Stage {
         }
     }
 
-    fn renderer(&self, size: SgHullSize) -> (HullRenderer, wgpu::BindGroup) {
+    fn renderer(&self, size: SgHullSize) -> (HullRenderer, GathererBinding) {
         let renderer = HullRenderer::new(&self.gpu, size, Components::default()).expect("it fits");
         let lights = renderer
             .lights(&self.gpu, &self.buffers, &self.lamp, self.camera.eye())
@@ -811,13 +812,13 @@ impl Stage {
     fn picture(
         &self,
         renderer: &HullRenderer,
-        lights: &wgpu::BindGroup,
+        lights: &GathererBinding,
     ) -> (Picture, SgHullCounts) {
         let rendered = renderer.render(&self.gpu, &self.raster, &self.camera, lights);
         (rendered.expect("a picture").1, renderer.counts(&self.gpu))
     }
 
-    fn truth(&self, renderer: &HullRenderer, lights: &wgpu::BindGroup) -> Picture {
+    fn truth(&self, renderer: &HullRenderer, lights: &GathererBinding) -> Picture {
         let rendered = renderer.render_exact(&self.gpu, &self.raster, &self.camera, lights);
         rendered.expect("a picture").1
     }

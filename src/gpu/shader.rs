@@ -17,6 +17,7 @@ const COMMON: &[(&str, &str)] = &[
     ("surface", include_str!("../../wgsl/common/surface.wgsl")),
     ("dispatch", include_str!("../../wgsl/common/dispatch.wgsl")),
     ("moments", include_str!("../../wgsl/common/moments.wgsl")),
+    ("albedo", include_str!("../../wgsl/common/albedo.wgsl")),
     ("receiver", include_str!("../../wgsl/common/receiver.wgsl")),
     ("surfel", include_str!("../../wgsl/common/surfel.wgsl")),
     ("triangle", include_str!("../../wgsl/common/triangle.wgsl")),

@@ -210,7 +210,9 @@ impl HitReconstructor {
     ///
     /// # Errors
     /// [`Error::Setting`]; [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target and the G-buffer;
-    /// [`Error::Mismatch`] where hits, view and target disagree with the camera or with what this was made for.
+    /// [`Error::Mismatch`] where hits, view and target disagree with the camera, with what this was made for or with the
+    /// settings that the hits were recorded with; [`Error::Recording`] where they were not recorded from this cloud, since that
+    /// was.
     pub fn record(
         &self,
         device: &Device,
@@ -310,6 +312,15 @@ impl HitReconstructor {
                     "{size:?} pixels, {} directions, {:?}, {:?}",
                     input.traced.directions, self.descriptor.payload, self.descriptor.sampling
                 ),
+            });
+        }
+        let (traced, of) = input.hits.recorded.get("BouncedView")?;
+        input.cloud.check_source("BouncedView", &of)?;
+        if traced != *input.traced {
+            return Err(Error::Mismatch {
+                name: "HitReconstructorInput::traced",
+                found: format!("{:?}", input.traced),
+                needed: format!("{traced:?}, which the hits were recorded with"),
             });
         }
         if scratch.size != size {

@@ -316,7 +316,7 @@ impl MultiResReconstructor {
             (3, view(coarse)),
             (4, view(mask)),
             (5, view(own)),
-            (6, whole(work.pixels)),
+            (6, work.list(input.camera.viewport())),
             (7, view(result)),
             (8, whole(blended)),
         ];

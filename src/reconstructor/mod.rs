@@ -21,7 +21,7 @@ use crate::{
         screen::{self, Screen},
         shader, uniform,
     },
-    receivers::{plane, plane_bytes},
+    receivers::{check_view_size, plane, plane_bytes},
     shell_splatter::SplatView,
     surfel::SurfelCloud,
     texture_slice::{TextureSlice, check_apart},
@@ -106,13 +106,15 @@ impl Reconstructor {
     /// `Rgba16Float` …); its missing channels are dropped.
     ///
     /// # Errors
-    /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats.
+    /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats, [`Error::Effect`] as
+    /// [`ShellSplatter::new`](crate::ShellSplatter::new).
     pub fn new(
         device: &Device,
         effect: &Effect,
         target: TextureFormat,
         cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
+        effect.check()?;
         screen::check_format(device, "Reconstructor target", target)?;
         let format = effect.sum_format();
         let smooth_layout = binding::layout(
@@ -196,6 +198,7 @@ impl Reconstructor {
         )?;
         let size = [width, height];
         let format = self.effect.sum_format();
+        check_view_size(device, LABEL, size)?;
         let layers = |label, layers| -> Result<TextureView, Error> {
             let texture = plane(device, label, format, size, layers)?;
             Ok(texture.create_view(&wgpu::TextureViewDescriptor {
@@ -223,7 +226,8 @@ impl Reconstructor {
     ///
     /// # Errors
     /// [`Error::Setting`]; [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target, [`Error::Mismatch`]
-    /// where sums and view disagree with the camera or with each other.
+    /// where sums and view disagree with the camera or with each other, [`Error::Recording`] where the sums were not
+    /// recorded from this cloud, since that was.
     pub fn record(
         &self,
         device: &Device,
@@ -341,6 +345,18 @@ impl Reconstructor {
                     input.levels,
                     self.effect.sum_format()
                 ),
+            });
+        }
+        let splatted = sums.recorded.get("SplatView")?;
+        input.cloud.check_source("SplatView", &splatted.of)?;
+        if (splatted.levels, splatted.sub_image) != (input.levels, input.sub_image) {
+            return Err(Error::Mismatch {
+                name: "SplatView",
+                found: format!(
+                    "{} splatted levels, sub-image {:?}",
+                    splatted.levels, splatted.sub_image
+                ),
+                needed: format!("{} levels, sub-image {:?}", input.levels, input.sub_image),
             });
         }
         if scratch.size != size

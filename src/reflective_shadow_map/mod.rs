@@ -1,6 +1,8 @@
 //! What a light's own camera sees as lights (Dachsbacher and Stamminger, *Reflective Shadow Maps*, 2005;
 //! `wgsl/reflective_shadow_map.wgsl`).
 
+use std::sync::Arc;
+
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use wgpu::{BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache, ShaderStages};
@@ -16,7 +18,8 @@ use crate::{
     },
     light::{Light, LightParams},
     receivers::{Receivers, ReceiversPass},
-    sg_hull::gatherer::PolygonLight,
+    recorded::Last,
+    sg_hull::{bound::check_origin, gatherer::PolygonLight},
 };
 
 pub(crate) const SOURCE: &str = include_str!("../../wgsl/reflective_shadow_map.wgsl");
@@ -24,7 +27,7 @@ pub(crate) const SOURCE: &str = include_str!("../../wgsl/reflective_shadow_map.w
 const LABEL: &str = "deep-screen-space reflective shadow map";
 
 /// Turns the G-buffer of a light's camera into [`PolygonLight`]s, one a texel: the first bounce of that light, for
-/// [`Gatherer::polygons`](crate::Gatherer::polygons). 16 × 16 texels are a usual size.
+/// [`Gatherer::bind_map`](crate::Gatherer::bind_map). 16 × 16 texels are a usual size.
 #[derive(Debug)]
 pub struct ReflectiveShadowMap {
     layout: wgpu::BindGroupLayout,
@@ -37,6 +40,8 @@ pub struct ReflectiveShadowMap {
 pub struct ReflectiveShadowMapView {
     receivers: Receivers,
     lights: wgpu::Buffer,
+    /// The origin, shared with what a gatherer bound of it.
+    pub(crate) recorded: Arc<Last<DVec3>>,
 }
 
 impl ReflectiveShadowMapView {
@@ -127,6 +132,7 @@ impl ReflectiveShadowMap {
                 bytes,
                 BufferUsages::COPY_SRC,
             )?,
+            recorded: Arc::default(),
         })
     }
 
@@ -161,6 +167,8 @@ impl ReflectiveShadowMap {
                 needed: format!("{size:?} texels"),
             });
         }
+        check_origin("ReflectiveShadowMapInput::origin", input.origin)?;
+        map.recorded.set(input.origin);
         self.receivers.record(
             device,
             encoder,

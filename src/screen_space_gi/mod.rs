@@ -115,6 +115,7 @@ impl ScreenSpaceGi {
         }
         let work = input.work.as_ref();
         let level = check_work(
+            device,
             "ScreenSpaceGiInput::target",
             work,
             viewport,

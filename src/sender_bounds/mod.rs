@@ -18,6 +18,7 @@ use crate::{
         sort::{Sort, SortBuffer},
         storage, uniform,
     },
+    recorded::{Last, Stamp},
     surfel::SurfelCloud,
 };
 
@@ -36,7 +37,11 @@ const LEAF_TEXELS: u64 = 9;
 /// Bounds over runs of four senders of a cloud that lie near each other, of four such runs, and so on: what a ray skips
 /// by. Made anew from each recording of the cloud; nothing of it is kept from frame to frame.
 #[derive(Debug)]
-pub struct SenderBounds(Bounds);
+pub struct SenderBounds {
+    bounds: Bounds,
+    /// The cloud's recording.
+    recorded: Last<Stamp>,
+}
 
 /// Of either kind of senders.
 #[derive(Debug)]
@@ -127,23 +132,41 @@ impl VectorArray {
 impl SenderBounds {
     /// GPU memory that it owns, bytes.
     pub fn memory_bytes(&self) -> u64 {
-        match &self.0 {
+        match &self.bounds {
             Bounds::Pieces(bounds) => bounds.memory_bytes(),
             Bounds::Disks(bounds) => bounds.memory_bytes(),
         }
     }
 
-    /// Those of a cloud's pieces. [`Error::Mismatch`] where they are of another kind or for another capacity.
+    /// Those of a cloud's pieces. [`Error::Mismatch`] where they are of another kind or for another capacity,
+    /// [`Error::Recording`] where they were not recorded from this cloud, since that was.
     pub(crate) fn pieces(&self, cloud: &SurfelCloud) -> Result<&PieceBounds, Error> {
-        match &self.0 {
+        let bounds = self.room_for_pieces(cloud)?;
+        self.check_source(cloud)?;
+        Ok(bounds)
+    }
+
+    /// Those of a cloud's surfels as disks on so many levels.
+    pub(crate) fn disks(&self, cloud: &SurfelCloud, levels: u32) -> Result<&DiskBounds, Error> {
+        let bounds = self.room_for_disks(cloud, levels)?;
+        self.check_source(cloud)?;
+        Ok(bounds)
+    }
+
+    fn check_source(&self, cloud: &SurfelCloud) -> Result<(), Error> {
+        cloud.last()?;
+        cloud.check_source("SenderBounds", &self.recorded.get("SenderBounds")?)
+    }
+
+    fn room_for_pieces(&self, cloud: &SurfelCloud) -> Result<&PieceBounds, Error> {
+        match &self.bounds {
             Bounds::Pieces(bounds) if bounds.capacity == cloud.capacity.pieces => Ok(bounds),
             _ => Err(self.mismatch(describe_pieces(cloud.capacity.pieces))),
         }
     }
 
-    /// Those of a cloud's surfels as disks on so many levels.
-    pub(crate) fn disks(&self, cloud: &SurfelCloud, levels: u32) -> Result<&DiskBounds, Error> {
-        match &self.0 {
+    fn room_for_disks(&self, cloud: &SurfelCloud, levels: u32) -> Result<&DiskBounds, Error> {
+        match &self.bounds {
             Bounds::Disks(bounds)
                 if bounds.capacity == cloud.capacity.surfels && bounds.levels() == levels =>
             {
@@ -156,7 +179,7 @@ impl SenderBounds {
     fn mismatch(&self, needed: String) -> Error {
         Error::Mismatch {
             name: "SenderBounds",
-            found: match &self.0 {
+            found: match &self.bounds {
                 Bounds::Pieces(bounds) => describe_pieces(bounds.capacity),
                 Bounds::Disks(bounds) => describe_disks(bounds.capacity, bounds.levels()),
             },
@@ -200,18 +223,23 @@ impl SenderBoundsPass {
     }
 
     pub fn create(&self, device: &Device, cloud: &SurfelCloud) -> Result<SenderBounds, Error> {
-        Ok(SenderBounds(match self {
+        let bounds = match self {
             Self::Pieces(pass) => Bounds::Pieces(Box::new(pass.create(device, cloud)?)),
             Self::Disks(_, levels) => {
                 Bounds::Disks(Box::new(DiskBounds::new(device, cloud, *levels)?))
             }
-        }))
+        };
+        Ok(SenderBounds {
+            bounds,
+            recorded: Last::default(),
+        })
     }
 
     /// Records into a pass of its own.
     ///
     /// # Errors
-    /// [`Error::Mismatch`] for bounds of another kind, or of another cloud's capacity.
+    /// [`Error::Mismatch`] for bounds of another kind, or of another cloud's capacity, [`Error::Recording`] for a cloud that
+    /// was not recorded.
     pub fn record(
         &self,
         device: &Device,
@@ -220,16 +248,19 @@ impl SenderBoundsPass {
         bounds: &SenderBounds,
         timestamps: Option<Timestamps<'_>>,
     ) -> Result<(), Error> {
+        let of = cloud.last()?;
+        let recorded = &bounds.recorded;
         match self {
             Self::Pieces(pass) => {
-                let bounds = bounds.pieces(cloud)?;
+                let bounds = bounds.room_for_pieces(cloud)?;
                 pass.record(device, encoder, cloud, bounds, timestamps);
             }
             Self::Disks(pass, levels) => {
-                let bounds = bounds.disks(cloud, *levels)?;
+                let bounds = bounds.room_for_disks(cloud, *levels)?;
                 pass.record(device, encoder, cloud, bounds, timestamps);
             }
         }
+        recorded.set(of);
         Ok(())
     }
 }

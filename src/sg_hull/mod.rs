@@ -1,10 +1,13 @@
 //! Light gathered on a sparse hull of what is seen (Meder and Brüderlin, *Screen Space Approximate Gaussian Hulls*, 2018;
 //! `wgsl/sg_hull*.wgsl`).
 
+pub(crate) mod bound;
 pub(crate) mod gatherer;
 pub(crate) mod params;
 pub(crate) mod settings;
 pub(crate) mod surfels;
+
+use std::borrow::Cow;
 
 use glam::DVec3;
 use wgpu::{
@@ -15,6 +18,7 @@ use wgpu::{
 
 pub use self::params::{HullSegment, HullVertex, SgHullCounts};
 use self::{
+    bound::{GathererBinding, check_origin},
     gatherer::Gatherer,
     params::SgHullParams,
     settings::{Components, SgHullSettings, SgHullSize},
@@ -28,7 +32,8 @@ use crate::{
         binding::{self, FLOAT_2D, READ, UINT_2D, UNIFORM, WRITE, view, whole},
         check_timestamps, first_pass, screen, shader, storage, uniform,
     },
-    receivers::{Receivers, ReceiversPass, plane_bytes},
+    overrides::check_constants,
+    receivers::{Receivers, ReceiversPass, check_view_size, plane_bytes},
     texture_slice::{TextureSlice, check_apart},
 };
 
@@ -74,6 +79,8 @@ const LABEL: &str = "deep-screen-space hull";
 pub struct SgHull {
     target: TextureFormat,
     variant: HullVariant,
+    /// The gatherer's.
+    source: Cow<'static, str>,
     bound: bool,
     segment_layout: BindGroupLayout,
     plan_layout: BindGroupLayout,
@@ -208,8 +215,8 @@ pub struct SgHullInput<'a> {
     pub camera: &'a Camera,
     /// The point of the world that the gatherer's positions are relative to: the camera's eye, or one near it.
     pub origin: DVec3,
-    /// What the gatherer's layout is for, where it has one.
-    pub gather: Option<&'a BindGroup>,
+    /// What the gatherer bound, where it has a layout.
+    pub gather: Option<&'a GathererBinding>,
     /// With [`SgHullDescriptor::glossy`] the G-buffer's roughness, as
     /// [`BouncedInput::roughness`](crate::BouncedInput::roughness). Not read otherwise.
     pub roughness: Option<TextureSlice<'a>>,
@@ -226,7 +233,7 @@ impl SgHull {
     ///
     /// # Errors
     /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats, [`Error::Effect`] where the
-    /// gatherer's source has a malformed directive. WGSL that does not compile is wgpu's own validation error.
+    /// gatherer's source has a malformed directive or not the constants that are given. WGSL that does not compile is wgpu's own validation error.
     pub fn new(device: &Device, descriptor: &SgHullDescriptor<'_>) -> Result<Self, Error> {
         let SgHullDescriptor {
             gatherer,
@@ -236,6 +243,7 @@ impl SgHull {
             components,
             cache,
         } = *descriptor;
+        check_constants(&gatherer.label, &gatherer.source, &gatherer.constants)?;
         let variant = HullVariant { albedo, glossy };
         screen::check_format(device, "SgHull target", target)?;
         let (compute, fragment) = (ShaderStages::COMPUTE, ShaderStages::FRAGMENT);
@@ -391,6 +399,7 @@ impl SgHull {
         Ok(Self {
             target,
             variant,
+            source: gatherer.source.clone(),
             bound: gatherer.layout.is_some(),
             receivers: ReceiversPass::new(device, cache)?,
             segment: kernel(
@@ -475,6 +484,7 @@ impl SgHull {
     /// [`Error::Setting`] for a size out of range, [`Error::Limit`] for one beyond the device's.
     pub fn create_view(&self, device: &Device, size: SgHullSize) -> Result<SgHullView, Error> {
         size.validate()?;
+        check_view_size(device, LABEL, [size.width, size.height])?;
         let capacity = u64::from(size.capacity());
         let splits = if self.split.is_some() {
             u64::from(size.splits)
@@ -539,7 +549,9 @@ impl SgHull {
     /// # Errors
     /// What [`GBuffer::validate`] and [`SgHullSettings::validate`] find; [`Error::Format`], [`Error::Size`] or
     /// [`Error::Usage`] for the target; [`Error::Mismatch`] where the view has another size than the camera's viewport,
-    /// and where albedo, roughness or what the gatherer binds is missing; [`Error::Format`], [`Error::Size`] or
+    /// where albedo, roughness or what the gatherer binds is missing, and where that is another gatherer's or for another
+    /// origin; [`Error::Recording`] for surfels of a cloud that was recorded since, and for a map that was not recorded;
+    /// [`Error::Setting`] for an origin out of range; [`Error::Format`], [`Error::Size`] or
     /// [`Error::Usage`] for roughness.
     pub fn record(
         &self,
@@ -622,7 +634,7 @@ impl SgHull {
                     pass.set_pipeline(kernel);
                     pass.set_bind_group(0, *group, &[]);
                     if let Some(lights) = input.gather {
-                        pass.set_bind_group(1, lights, &[]);
+                        pass.set_bind_group(1, &lights.group, &[]);
                     }
                     pass.dispatch_workgroups_indirect(&hull.dispatch, 0);
                 }
@@ -741,7 +753,7 @@ impl SgHull {
         pass.set_pipeline(&self.exact);
         pass.set_bind_group(0, &group, &[]);
         if let Some(group) = input.gather {
-            pass.set_bind_group(1, group, &[]);
+            pass.set_bind_group(1, &group.group, &[]);
         }
         pass.draw(0..3, 0..1);
         Ok(())
@@ -796,6 +808,10 @@ impl SgHull {
                 .into(),
                 "what the gatherer's layout is for".into(),
             );
+        }
+        check_origin("SgHullInput::origin", input.origin)?;
+        if let Some(gather) = input.gather {
+            gather.check(&self.source, input.origin)?;
         }
         if hull.receivers.size != [viewport.width, viewport.height] {
             return mismatch(

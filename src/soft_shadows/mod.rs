@@ -123,6 +123,7 @@ impl SoftShadows {
         input.map.validate()?;
         let work = input.work.as_ref();
         let level = check_work(
+            device,
             "SoftShadowsInput::target",
             work,
             viewport,

@@ -4,9 +4,8 @@ pub(crate) mod params;
 pub(crate) mod settings;
 
 use wgpu::{
-    BindGroupLayout, BindingResource, BindingType, Buffer, BufferBinding, BufferUsages,
-    CommandEncoder, ComputePipeline, Device, PipelineCache, ShaderStages, TextureUsages,
-    TextureView,
+    BindGroupLayout, BindingType, Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device,
+    PipelineCache, ShaderStages, TextureUsages, TextureView,
 };
 
 use self::{
@@ -16,7 +15,7 @@ use self::{
 use crate::{
     camera::Camera,
     error::{Error, check_limit, check_setting},
-    geometry::{Material, check_size, check_usage},
+    geometry::Material,
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_2D, FLOAT_ARRAY, READ, UNIFORM, WRITE, view, whole},
@@ -222,7 +221,8 @@ impl SurfelShader {
     ///
     /// # Errors
     /// What [`SurfelShaderSettings::validate`], [`Light::validate`] and [`ShadowMap::validate`] find;
-    /// [`Error::Mismatch`] for bounds of another cloud's capacity, or of disks;
+    /// [`Error::Mismatch`] for bounds of another cloud's capacity, or of disks; [`Error::Recording`] for a cloud that was not
+    /// recorded, and for bounds that were not recorded from it, since that was;
     /// [`Error::Buffer`] for materials or radiance that are too small, lack a usage or are the same buffer as another
     /// one, [`Error::Limit`] for more materials than the device can bind. All before anything is recorded.
     pub fn record(
@@ -244,6 +244,7 @@ impl SurfelShader {
                 }
             }
         }
+        input.cloud.last()?;
         check_buffers(device, input)?;
 
         // The emission is written by the first dispatch: without a light that shines, by one without any.
@@ -298,15 +299,8 @@ impl SurfelShader {
             (1, whole(&cloud.surfels)),
             (2, whole(&cloud.sources)),
             (3, whole(&cloud.counters)),
-            (4, whole(input.materials)),
-            (
-                5,
-                BindingResource::Buffer(BufferBinding {
-                    buffer: input.radiance,
-                    offset: 0,
-                    size: std::num::NonZeroU64::new(radiance_bytes(cloud)),
-                }),
-            ),
+            (4, binding::table::<Material>(input.materials)),
+            (5, binding::first(input.radiance, radiance_bytes(cloud))),
         ];
         if samples > 1 {
             resources.push((6, whole(&cloud.pieces)));
@@ -397,25 +391,17 @@ pub(crate) fn source(variant: ShadeVariant) -> Result<String, Error> {
     shader::assemble("surfel_shader", SOURCE, &flags, &[])
 }
 
-/// Bytes of radiance for all surfels that a cloud can hold.
+/// Bytes of radiance for all surfels that a cloud can hold, and for one at least: no less can be bound.
 pub(crate) fn radiance_bytes(cloud: &SurfelCloud) -> u64 {
-    u64::from(cloud.capacity.surfels) * size_of::<SurfelRadiance>() as u64
+    u64::from(cloud.capacity.surfels.max(1)) * size_of::<SurfelRadiance>() as u64
 }
 
 fn check_buffers(device: &Device, input: &SurfelShaderInput<'_>) -> Result<(), Error> {
     const MATERIALS: &str = "SurfelShaderInput::materials";
     const RADIANCE: &str = "SurfelShaderInput::radiance";
     let cloud = input.cloud;
-    check_usage(MATERIALS, input.materials)?;
-    check_size(MATERIALS, input.materials, size_of::<Material>() as u64)?;
-    check_limit(
-        "max_storage_buffer_binding_size",
-        device.limits().max_storage_buffer_binding_size,
-        input.materials.size(),
-        MATERIALS,
-    )?;
-    check_usage(RADIANCE, input.radiance)?;
-    check_size(RADIANCE, input.radiance, radiance_bytes(cloud))?;
+    binding::check_table::<Material>(device, MATERIALS, input.materials)?;
+    binding::check_first(device, RADIANCE, input.radiance, radiance_bytes(cloud))?;
     // A kernel cannot read what it writes.
     let read = [
         input.materials,
@@ -424,12 +410,5 @@ fn check_buffers(device: &Device, input: &SurfelShaderInput<'_>) -> Result<(), E
         &cloud.counters,
         &cloud.pieces,
     ];
-    if read.contains(&input.radiance) {
-        return Err(Error::Buffer {
-            name: RADIANCE,
-            found: "a buffer that is read".into(),
-            needed: "a buffer of its own".into(),
-        });
-    }
-    Ok(())
+    binding::check_own(RADIANCE, input.radiance, read)
 }

@@ -171,6 +171,7 @@ impl VolumetricObscurance {
             });
         };
         pass.record(device, encoder, &depth.read(), camera, moments, timestamps);
+        moments.recorded.set(*camera);
         Ok(())
     }
 
@@ -179,7 +180,7 @@ impl VolumetricObscurance {
     /// # Errors
     /// [`Error::Setting`] for the settings and the list's level, [`Error::Format`], [`Error::Size`], [`Error::Shape`] or
     /// [`Error::Usage`] for a texture, [`Error::Buffer`] for the list's, [`Error::Mismatch`] where normals or moments are
-    /// missing, or are of another view.
+    /// missing, or are of another view; [`Error::Recording`] for moments that were not recorded.
     pub fn record(
         &self,
         device: &Device,
@@ -213,11 +214,20 @@ impl VolumetricObscurance {
                 .moments
                 .ok_or_else(|| missing(NAME, format!("some, for {:?}", self.sampling)))?;
             check_moments(moments, input.camera)?;
+            let camera = moments.recorded.get("DepthMoments")?;
+            if camera != *input.camera {
+                return Err(Error::Mismatch {
+                    name: "DepthMoments",
+                    found: format!("recorded for {camera:?}"),
+                    needed: format!("{:?}", input.camera),
+                });
+            }
             Some(moments)
         } else {
             None
         };
         let level = check_work(
+            device,
             "ObscuranceInput::target",
             input.work.as_ref(),
             viewport,
