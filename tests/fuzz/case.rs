@@ -102,9 +102,13 @@ pub struct Outcome {
     pub wrong: Vec<String>,
 }
 
+/// How many successive cases have the same pipelines and formats.
+const FAMILY: u64 = 8;
+
 /// One case while it is recorded.
 pub struct Case<'w> {
     pub world: &'w World,
+    family: u64,
     pub random: Random,
     pub encoder: CommandEncoder,
     notes: &'w RefCell<Vec<String>>,
@@ -117,6 +121,7 @@ impl<'w> Case<'w> {
         notes.borrow_mut().clear();
         Self {
             world,
+            family: seed / FAMILY,
             random: Random::new(seed),
             encoder: world.gpu.encoder(),
             notes,
@@ -127,6 +132,15 @@ impl<'w> Case<'w> {
 
     pub fn device(&self) -> &'w Device {
         &self.world.gpu.device
+    }
+
+    /// A choice that is the same in some successive cases, of what drivers compile pipelines anew for: formats above all, which
+    /// lavapipe and SwiftShader compile into the code that reads them. Otherwise that would take most of the time.
+    pub fn usual<T: Clone>(&self, name: &str, choices: &[T]) -> T {
+        let name = name.bytes().fold(self.family, |hash, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+        });
+        Random::new(name).one_of(choices)
     }
 
     /// Keeps an input, to be printed if the case fails.

@@ -6,7 +6,7 @@ use deep_screen_space::{
     BouncedZBuffer, Camera, CloudCapacity, Geometry, IndexFormat, Indices, Instances, Mesh,
     Placement, PositionFormat, Reach, SenderBounds, ShadedLight, Shadow, ShadowMap, SurfelCloud,
     SurfelShader, SurfelShaderInput, SurfelShaderSettings, Surfelizer, SurfelizerInput,
-    SurfelizerSettings, TransformFormat, Vertices, Viewport,
+    SurfelizerSettings, TransformFormat, Vertices,
     wgpu::{Buffer, BufferUsages},
 };
 
@@ -238,7 +238,7 @@ pub struct Map {
 
 impl Map {
     pub fn new(case: &mut Case<'_>) -> Self {
-        let viewport = Viewport::full(inputs::side(case), inputs::side(case));
+        let viewport = inputs::size(case);
         let camera = inputs::camera_of(case, viewport);
         let seed = case.random.bits();
         let depth = inputs::depth(case, "shadow map", &camera, seed);
