@@ -13,6 +13,7 @@ use super::{
         hull::{HullRenderer, Lamp, difference},
         raster::Raster,
         scene::SceneBuffers,
+        visible::near_of,
     },
     view::Shot,
 };
@@ -43,9 +44,18 @@ pub fn render(gpu: &Gpu, options: &Options, scene: &Scene, shot: &Shot) -> Resul
                 intensity,
                 ..
             },
-        ) => Lamp::spot(*position, shot.target, MAP_DEGREES, *intensity),
+        ) => {
+            // From the target itself, on along the line of sight.
+            let target = match shot.target.distance(*position) {
+                0.0 => 2.0 * shot.target - shot.eye,
+                _ => shot.target,
+            };
+            let near = near_of(scene, *position, 1e-2 * target.distance(*position));
+            Lamp::spot([*position, target], near, MAP_DEGREES, *intensity)
+        }
         None => Lamp::of(scene),
-    };
+    }
+    .map_err(error)?;
     let lights = renderer
         .lights(gpu, &buffers, &lamp, camera.eye())
         .map_err(error)?;

@@ -16,6 +16,7 @@ use super::{
     raster::{self, Raster},
     scene::SceneBuffers,
     shadow,
+    visible::near_of,
     world::bounds_of,
 };
 
@@ -180,7 +181,7 @@ impl<'g> Stage<'g> {
         let radius = 0.5 * (high - low).length();
         let cameras = match light {
             Light::Point { position, .. } | Light::Spot { position, .. } => {
-                cube(position, 1e-4 * radius)?
+                cube(position, near_of(scene, position, 1e-4 * radius))?
             }
             Light::Directional { direction, .. } => vec![sun(low, high, direction)?],
         };

@@ -78,6 +78,12 @@ fn clip(polygon: &[DVec3], plane: DVec3) -> Vec<DVec3> {
     kept
 }
 
+/// The near plane of a light's camera at a point: before all triangles, and at `most`.
+pub fn near_of(scene: &Scene, point: DVec3, most: f64) -> f64 {
+    let before = distance(scene, point).map_or(most, |d| 0.5 * d);
+    before.clamp(1e-6 * most, most)
+}
+
 /// The least distance of a scene's triangles from a point; `None` where it has none.
 pub fn distance(scene: &Scene, point: DVec3) -> Option<f64> {
     let positions: Vec<DVec3> = scene
