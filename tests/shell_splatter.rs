@@ -960,13 +960,23 @@ fn bad_settings_are_typed_errors() {
     let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, [8, 8]));
     let surfelizer = Surfelizer::new(device, None).expect("pipelines");
     let options = Options::new(splat_settings(2, 0.01));
-    let cloud = surfelizer
+    let mut cloud = surfelizer
         .create_cloud(device, options.capacity)
         .expect("a cloud");
     let mut clusters = splatter
         .create_clusters(device, &cloud, 2)
         .expect("clusters");
     let mut encoder = gpu.encoder();
+    let input = SurfelizerInput {
+        geometry: Geometry { meshes: &[] },
+        camera: &shot.camera,
+        cull_by: &[],
+        timestamps: None,
+    };
+    let settings = SurfelizerSettings::default();
+    surfelizer
+        .record(device, &mut encoder, &input, &settings, &mut cloud)
+        .expect("surfels");
     let input = ClusterInput {
         cloud: &cloud,
         materials: None,

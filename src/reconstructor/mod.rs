@@ -350,14 +350,15 @@ impl Reconstructor {
         }
         let splatted = sums.recorded.get("SplatView")?;
         input.cloud.check_source("SplatView", &splatted.of)?;
-        if (splatted.levels, splatted.sub_image) != (input.levels, input.sub_image) {
+        let sub_image = input.sub_image.unwrap_or(0);
+        if (splatted.levels, splatted.sub_image) != (input.levels, sub_image) {
             return Err(Error::Mismatch {
                 name: "SplatView",
                 found: format!(
-                    "{} splatted levels, sub-image {:?}",
+                    "{} splatted levels, sub-image {}",
                     splatted.levels, splatted.sub_image
                 ),
-                needed: format!("{} levels, sub-image {:?}", input.levels, input.sub_image),
+                needed: format!("{} levels, sub-image {sub_image}", input.levels),
             });
         }
         if scratch.size != size

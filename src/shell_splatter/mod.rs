@@ -119,7 +119,7 @@ pub struct SplatView {
 #[derive(Clone, Debug)]
 pub(crate) struct Splatted {
     pub levels: u32,
-    pub sub_image: Option<u32>,
+    pub sub_image: u32,
     /// The cloud's recording.
     pub of: Stamp,
 }
@@ -480,7 +480,7 @@ impl ShellSplatter {
         }
         view.recorded.set(Splatted {
             levels: settings.levels,
-            sub_image: input.work.as_ref().map(|work| work.level),
+            sub_image,
             of: input.cloud.last()?,
         });
         if let Some(statistics) = &view.statistics {

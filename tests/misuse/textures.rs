@@ -1,10 +1,13 @@
 //! Parts of textures: what a view would not have told is right by construction, or refused.
 
 use deep_screen_space::{
-    Components, Gatherer, Light, ScreenSpaceGi, ScreenSpaceGiInput, ScreenSpaceGiSettings, SgHull,
-    SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize, ShadowMap, SoftShadows,
-    SoftShadowsInput, SoftShadowsSettings, TemporalAccumulator, TemporalInput, TemporalSettings,
-    TextureSlice, reference::receivers::decode_albedo, wgpu::TextureUsages as Usages,
+    Components, Effect, Gatherer, HitReconstructor, HitReconstructorDescriptor,
+    HitReconstructorInput, HitReconstructorSettings, Light, Reconstructor, ReconstructorInput,
+    ReconstructorSettings, Sampling, ScreenSpaceGi, ScreenSpaceGiInput, ScreenSpaceGiSettings,
+    SgHull, SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize, SgHullView, ShadowMap,
+    SoftShadows, SoftShadowsInput, SoftShadowsSettings, TemporalAccumulator, TemporalInput,
+    TemporalSettings, TextureSlice, reference::receivers::decode_albedo,
+    wgpu::TextureUsages as Usages,
 };
 
 use super::*;
@@ -369,11 +372,11 @@ fn targets_are_none_of_the_inputs() {
     submit(&lab, encoder);
 }
 
-/// What the albedo holds that is no share of light comes out of no pass.
+/// What the albedo holds that is no share of light comes out of no pass: the picture is that of white surfaces times what counts
+/// of it.
 #[test]
 fn albedo_that_is_not_finite_is_black() {
     let lab = Lab::new();
-    let device = &lab.gpu.device;
     let texels: Vec<[f32; 4]> = (0..SIDE * SIDE)
         .map(|i| match i % 5 {
             0 => [f32::NAN, 0.5, 0.5, 0.0],
@@ -383,13 +386,46 @@ fn albedo_that_is_not_finite_is_black() {
             _ => [0.25, 0.5, 1.0, 0.0],
         })
         .collect();
-    let albedo = lab.gpu.texture(Format::Rgba32Float, SIDE, SIDE, &texels);
-    let white = lab.gpu.texture(
-        Format::Rgba32Float,
-        SIDE,
-        SIDE,
-        &vec![[1.0_f32; 4]; texels.len()],
-    );
+    let texture = |texels: &[[f32; 4]]| lab.gpu.texture(Format::Rgba32Float, SIDE, SIDE, texels);
+    let (albedo, white) = (texture(&texels), texture(&vec![[1.0; 4]; texels.len()]));
+    let check = |name: &str, picture: &dyn Fn(GBuffer<'_>) -> Vec<[f32; 4]>| {
+        let [found, bright] = [&albedo, &white].map(|albedo| {
+            picture(GBuffer {
+                albedo: Some(albedo.texture().into()),
+                ..lab.gbuffer()
+            })
+        });
+        assert!(bright.iter().all(|v| v[0] > 0.1), "{name}: {:?}", bright[0]);
+        for ((found, bright), texel) in found.iter().zip(&bright).zip(&texels) {
+            let [r, g, b, _] = texel.map(f64::from);
+            let share = decode_albedo(DVec3::new(r, g, b)).as_vec3().to_array();
+            for k in 0..3 {
+                assert_eq!(found[k], bright[k] * share[k], "{name}: of {texel:?}");
+            }
+        }
+    };
+    check("hull", &|gbuffer| {
+        hull_picture(&lab, gbuffer, SgHull::record)
+    });
+    check("exact hull", &|gbuffer| {
+        hull_picture(&lab, gbuffer, SgHull::record_exact)
+    });
+    check("hits", &|gbuffer| hits_picture(&lab, gbuffer));
+    check("sums", &|gbuffer| sums_picture(&lab, gbuffer));
+}
+
+type RecordHull = fn(
+    &SgHull,
+    &wgpu::Device,
+    &mut wgpu::CommandEncoder,
+    &SgHullInput<'_>,
+    &SgHullSettings,
+    &SgHullView,
+) -> Result<(), Error>;
+
+/// The wall lit from before it.
+fn hull_picture(lab: &Lab, gbuffer: GBuffer<'_>, record: RecordHull) -> Vec<[f32; 4]> {
+    let device = &lab.gpu.device;
     let gatherer = Gatherer::lights(device);
     let descriptor = SgHullDescriptor {
         gatherer: &gatherer,
@@ -400,51 +436,126 @@ fn albedo_that_is_not_finite_is_black() {
         cache: None,
     };
     let hull = SgHull::new(device, &descriptor).expect("pipelines");
-    let view = hull
-        .create_view(device, SgHullSize::new(SIDE, SIDE))
-        .expect("a view");
+    let size = SgHullSize::new(SIDE, SIDE);
+    let view = hull.create_view(device, size).expect("a view");
     let lights = [Light::Directional {
         direction: DVec3::NEG_Z,
         irradiance: [1.0; 3],
     }];
-    let gather = gatherer
-        .bind_lights(device, &lights, lab.camera.eye())
-        .expect("lights");
-    let picture = |albedo: &wgpu::TextureView, exact| -> Vec<[f32; 4]> {
-        let target = lab.gpu.target(Format::Rgba32Float, SIDE, SIDE);
-        let input = SgHullInput {
-            gbuffer: GBuffer {
-                albedo: Some(albedo.texture().into()),
-                ..lab.gbuffer()
-            },
-            camera: &lab.camera,
-            origin: lab.camera.eye(),
-            gather: Some(&gather),
-            roughness: None,
-            target: target.texture().into(),
-            timestamps: None,
-        };
-        let mut encoder = lab.gpu.encoder();
-        let settings = SgHullSettings::default();
-        let record = if exact {
-            SgHull::record_exact
-        } else {
-            SgHull::record
-        };
-        record(&hull, device, &mut encoder, &input, &settings, &view).expect("a picture");
-        lab.gpu.finish(encoder);
-        lab.gpu.read_texture(target.texture(), 0)
+    let gather = gatherer.bind_lights(device, &lights, lab.camera.eye());
+    let target = lab.gpu.target(Format::Rgba32Float, SIDE, SIDE);
+    let input = SgHullInput {
+        gbuffer,
+        camera: &lab.camera,
+        origin: lab.camera.eye(),
+        gather: Some(&gather.expect("lights")),
+        roughness: None,
+        target: target.texture().into(),
+        timestamps: None,
     };
-    for exact in [false, true] {
-        let bright = picture(&white, exact);
-        assert!(bright.iter().all(|v| v[0] > 0.1), "{:?}", bright[0]);
-        let found = picture(&albedo, exact);
-        for ((found, bright), texel) in found.iter().zip(&bright).zip(&texels) {
-            let [r, g, b, _] = texel.map(f64::from);
-            let share = decode_albedo(DVec3::new(r, g, b)).as_vec3().to_array();
-            for k in 0..3 {
-                assert_eq!(found[k], bright[k] * share[k], "of {texel:?}");
-            }
-        }
-    }
+    let mut encoder = lab.gpu.encoder();
+    let settings = SgHullSettings::default();
+    record(&hull, device, &mut encoder, &input, &settings, &view).expect("a picture");
+    lab.gpu.finish(encoder);
+    lab.gpu.read_texture(target.texture(), 0)
+}
+
+/// The wall under a bright sky.
+fn hits_picture(lab: &Lab, gbuffer: GBuffer<'_>) -> Vec<[f32; 4]> {
+    let device = &lab.gpu.device;
+    let mut encoder = lab.gpu.encoder();
+    let cloud = lab.recorded(&mut encoder, ROOM);
+    let bounds = lab.bounds(&cloud);
+    lab.record_bounds(&mut encoder, &cloud, &bounds)
+        .expect("bounds");
+    let hits = lab.hits(&lab.lit);
+    let traced = BouncedSettings {
+        directions: 4,
+        background: [1.0; 3],
+        ..BouncedSettings::default()
+    };
+    let input = BouncedInput {
+        gbuffer,
+        camera: &lab.camera,
+        cloud: &cloud,
+        bounds: &bounds,
+        radiance: None,
+        lighting: Some(HitLighting {
+            materials: &lab.materials,
+            lights: &[],
+        }),
+        roughness: None,
+        timestamps: None,
+    };
+    lab.lit
+        .record(device, &mut encoder, &input, &traced, &hits)
+        .expect("hits");
+    let descriptor = HitReconstructorDescriptor {
+        payload: Payload::Radiance,
+        sampling: Sampling::default(),
+        deferred: false,
+        target: Format::Rgba32Float,
+    };
+    let pass = HitReconstructor::new(device, &descriptor, None).expect("pipelines");
+    let scratch = pass.create_view(device, SIDE, SIDE).expect("a view");
+    let target = lab.gpu.target(Format::Rgba32Float, SIDE, SIDE);
+    let input = HitReconstructorInput {
+        gbuffer,
+        roughness: None,
+        camera: &lab.camera,
+        cloud: &cloud,
+        hits: &hits,
+        traced: &traced,
+        target: target.texture().into(),
+        timestamps: None,
+    };
+    let settings = HitReconstructorSettings::default();
+    pass.record(device, &mut encoder, &input, &settings, &scratch)
+        .expect("a picture");
+    lab.gpu.finish(encoder);
+    lab.gpu.read_texture(target.texture(), 0)
+}
+
+/// An effect that shows the albedo.
+fn sums_picture(lab: &Lab, gbuffer: GBuffer<'_>) -> Vec<[f32; 4]> {
+    let device = &lab.gpu.device;
+    let mut encoder = lab.gpu.encoder();
+    let cloud = lab.recorded(&mut encoder, ROOM);
+    let mut clusters = lab.clusters(&cloud);
+    lab.record_clusters(&mut encoder, &cloud, &mut clusters)
+        .expect("clusters");
+    let sums = lab.splat_view();
+    lab.splat(&mut encoder, (&cloud, &clusters), &sums)
+        .expect("sums");
+    let occlusion = AmbientOcclusion::default().effect();
+    let (kept, _) = occlusion
+        .source
+        .split_once("fn resolve")
+        .expect("its last function");
+    let effect = Effect {
+        source: format!(
+            "{kept}fn resolve(sum: f32, albedo: vec3f) -> vec4f {{ return vec4f(albedo, 1.0); }}"
+        )
+        .into(),
+        albedo: true,
+        ..occlusion
+    };
+    let pass = Reconstructor::new(device, &effect, Format::Rgba32Float, None).expect("pipelines");
+    let scratch = pass.create_view(device, SIDE, SIDE, 2).expect("a view");
+    let target = lab.gpu.target(Format::Rgba32Float, SIDE, SIDE);
+    let input = ReconstructorInput {
+        gbuffer,
+        camera: &lab.camera,
+        cloud: &cloud,
+        sums: &sums,
+        levels: 2,
+        sub_image: None,
+        target: target.texture().into(),
+        timestamps: None,
+    };
+    let settings = ReconstructorSettings::default();
+    pass.record(device, &mut encoder, &input, &settings, &scratch)
+        .expect("a picture");
+    lab.gpu.finish(encoder);
+    lab.gpu.read_texture(target.texture(), 0)
 }
