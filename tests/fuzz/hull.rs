@@ -3,11 +3,11 @@
 use std::rc::Rc;
 
 use deep_screen_space::{
-    AmbientOcclusion, Camera, Components, Error, Gatherer, Placement, ReflectiveShadowMap,
-    ReflectiveShadowMapInput, SgHull, SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize,
-    SurfelLight, Viewport,
+    AmbientOcclusion, Camera, Components, Error, Gatherer, GathererBinding, Placement,
+    ReflectiveShadowMap, ReflectiveShadowMapInput, SgHull, SgHullDescriptor, SgHullInput,
+    SgHullSettings, SgHullSize, SurfelLight, Viewport,
     glam::DVec3,
-    wgpu::{BindGroup, TextureFormat as Format, TextureUsages},
+    wgpu::{TextureFormat as Format, TextureUsages},
 };
 
 use crate::{
@@ -173,7 +173,7 @@ fn bind(
     made: &Rc<Made>,
     camera: &Camera,
     origin: DVec3,
-) -> Option<Option<BindGroup>> {
+) -> Option<Option<GathererBinding>> {
     let device = case.device();
     let group = match variant.light {
         Light::Polygons if case.random.chance(0.5) => {
