@@ -113,6 +113,7 @@ pub fn splat(
         } else {
             Overlap::Add
         },
+        ..AmbientOcclusion::default()
     };
     let size = [shot.width, shot.height];
     let mut renderer = Renderer::new(gpu, effect, capacity, size, preset.splat.levels, false)
