@@ -162,6 +162,7 @@ pub fn splat(
         } else {
             Overlap::Add
         },
+        ..AmbientOcclusion::default()
     };
     let size = [shot.width, shot.height];
     let meshes = buffers.meshes();

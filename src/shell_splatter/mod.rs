@@ -37,6 +37,10 @@ const SOURCE: &str = include_str!("../../wgsl/shell_splatter.wgsl");
 const LABEL: &str = "deep-screen-space shell splatter";
 
 /// Splats surfels for one [`Effect`]. Holds pipelines only; one serves any number of views.
+///
+/// A pixel's contributions are about its shading normal. Where that leans off the surface by an angle θ, as with a strong
+/// normal map, the part of its hemisphere that the pixel's own surface hides, `(1 − cos θ) / 2`, counts as empty, unless the
+/// effect says otherwise: [`AmbientOcclusion::own_surface`](crate::AmbientOcclusion::own_surface), [`Effect::own_surface`].
 #[derive(Debug)]
 pub struct ShellSplatter {
     effect: Effect,
