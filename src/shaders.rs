@@ -234,6 +234,7 @@ pub fn shaders(effect: &Effect) -> Result<Vec<Shader>, Error> {
             "temporal_accumulator motion",
             TemporalVariant::Accumulate { motion: true },
         ),
+        ("temporal_accumulator claim", TemporalVariant::Claim),
         ("temporal_accumulator show", TemporalVariant::Show),
     ] {
         let source = temporal_accumulator::source(effect.channels, variant)?;

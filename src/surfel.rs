@@ -18,10 +18,14 @@ use crate::{
 pub struct CloudCapacity {
     /// Surfels, 0…2²³ within `Limits::default()` (16 bytes in each of two buffers). Where a recording asks for more,
     /// an even selection of them stays, enlarged to keep the area, and [`SurfelCounts::overflow`] tells. 0 where only
-    /// pieces are of use, as to a [`BouncedZBuffer`](crate::BouncedZBuffer) for ambient occlusion.
+    /// pieces are of use, as to a [`BouncedZBuffer`](crate::BouncedZBuffer) for ambient occlusion; pieces are then whole
+    /// triangles, but for those that are more than 16 times as large as they are near.
     pub surfels: u32,
     /// Triangles after large ones were split; 1…2.7 million within `Limits::default()` (48 bytes each). One a triangle
-    /// that is larger than a surfel, plus a few hundred for each that spans the view, is ample.
+    /// that is larger than a surfel, plus a few hundred for each that spans the view where there are surfels, is ample.
+    /// Where a recording asks for more, large triangles are split less until it fits ([`SurfelCounts::merged`]): with room
+    /// for as many pieces as triangles nothing is lost. With less an even selection stays, and what is lost is a hole
+    /// to rays ([`SurfelCounts::lost_area_share`]).
     pub pieces: u32,
     /// Triangles of all instances of all meshes, 0…2²⁵, of which `Limits::default()` leaves 2²⁵ − 1.
     pub triangles: u32,
@@ -94,9 +98,11 @@ pub struct Piece {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct SurfelCounts {
-    /// Pieces that the settings asked for.
+    /// Pieces that the triangles were split into, with [`SurfelCounts::merged`] those that the settings asked for. Saturates
+    /// at `u32::MAX`.
     pub pieces: u32,
-    /// Surfels that the settings asked for, given the pieces that found room. Saturates at `u32::MAX`.
+    /// Surfels that the settings asked for, given the pieces that found room. Where that were 2³¹ or more, all pieces are
+    /// divided into fewer, larger ones until it is not.
     pub surfels: u32,
     /// Triangles left out: degenerate, not finite, or with an index out of range.
     pub rejected: u32,
@@ -141,6 +147,8 @@ pub struct SurfelCloud {
     pub(crate) sources: Buffer,
     pub(crate) pieces: Buffer,
     pub(crate) counters: Buffer,
+    /// Sums over all triangles while it is made: `TALLY_WORDS` of `wgsl/surfelizer.wgsl`.
+    pub(crate) tally: Buffer,
     /// The indirect dispatch that writes the surfels.
     pub(crate) emission: Buffer,
     pub(crate) triangle_offsets: ScanBuffer,
@@ -202,6 +210,12 @@ impl SurfelCloud {
                 size_of::<SurfelCounts>() as u64,
                 read | BufferUsages::COPY_DST,
             )?,
+            tally: storage(
+                device,
+                "deep-screen-space surfel sums",
+                48,
+                BufferUsages::COPY_DST,
+            )?,
             emission: storage(
                 device,
                 "deep-screen-space surfel dispatch",
@@ -258,6 +272,7 @@ impl SurfelCloud {
             &self.sources,
             &self.pieces,
             &self.counters,
+            &self.tally,
             &self.emission,
         ]
         .iter()
