@@ -59,10 +59,10 @@ pub(crate) struct Options {
     #[arg(long, value_parser = view::parse_point, allow_hyphen_values = true)]
     up: Option<DVec3>,
     /// Distance of the near plane; if left out, or if the eye is given, before all that is seen.
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true)]
     near: Option<f64>,
     /// Vertical field of view in degrees.
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true)]
     vfov: Option<f64>,
     /// Size of the picture in pixels, `WxH`.
     #[arg(long, value_parser = arguments::parse_size)]
@@ -83,7 +83,7 @@ pub(crate) struct Options {
     preset: String,
     /// Distance beyond which nothing occludes, world units, or inf; if left out, what suits the crate's own scene, and
     /// inf for a file. Light comes from any distance.
-    #[arg(long, value_parser = view::parse_radius)]
+    #[arg(long, value_parser = view::parse_radius, allow_negative_numbers = true)]
     radius: Option<f32>,
     /// Directions a pixel in place of the preset's, for the bounced z-buffer.
     #[arg(long)]
@@ -104,7 +104,7 @@ pub(crate) struct Options {
     #[arg(long)]
     pieces: Option<u32>,
     /// Trace the truth too, with this many rays a pixel.
-    #[arg(long, num_args = 0..=1, default_missing_value = "256")]
+    #[arg(long, num_args = 0..=1, default_missing_value = "256", value_parser = clap::value_parser!(u32).range(1..))]
     reference: Option<u32>,
     /// Where to write.
     #[arg(long, default_value = "out")]
@@ -134,7 +134,7 @@ fn main() -> ExitCode {
 
 fn run(options: &Options) -> Result<(), String> {
     let (scene, shot) = prepare(options)?;
-    let gpu = Gpu::open(Ask::room_from_env())?;
+    let gpu = Gpu::open(Ask::room_from_env()?)?;
     gpu.end_on_error("render");
     draw(&gpu, options, &scene, &shot)
 }

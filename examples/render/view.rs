@@ -20,9 +20,15 @@ use super::{
         gltf::{FileCamera, Loaded},
         raster,
         visible::Sight,
-        world::{World, origin_for},
+        world::{World, bounds_of, origin_for},
     },
 };
+
+/// The largest coordinate or distance of a camera: squares of it are within f32, as are depths.
+const FARTHEST: f64 = 1e15;
+
+/// The smallest size of a pixel, relative to its distance: that to which f32 rounds a place.
+const SMALLEST_PIXEL: f64 = 1.0 / 8_388_608.0;
 
 /// A camera, the size of its picture and its lights; places are relative to the scene's origin.
 #[derive(Clone, Debug)]
@@ -113,23 +119,36 @@ impl Wanted {
     fn settle(self, world: World, lights: &[Light]) -> Result<(Scene, Shot), String> {
         let [eye, target] = [self.eye, self.target].map(DVec3::from);
         let distance = eye.distance(target);
-        if !(distance > 0.0 && distance.is_finite()) {
+        if !(distance > 0.0 && distance <= FARTHEST) {
             return Err(format!(
-                "the eye at {eye} cannot look at {target}: their distance is {distance}"
+                "the eye at {:?} cannot look at {:?}: their distance is {distance:?}, accepted is above 0, up to {FARTHEST:e}",
+                self.eye, self.target
             ));
         }
-        if !(self.vertical_fov_degrees > 0.0 && self.vertical_fov_degrees < 180.0) {
+        if eye.abs().max_element() > FARTHEST {
             return Err(format!(
-                "the field of view is {} degrees, accepted is above 0 and below 180",
-                self.vertical_fov_degrees
+                "the eye is at {:?}, accepted is up to {FARTHEST:e}",
+                self.eye
             ));
         }
-        if self
-            .near
-            .is_some_and(|near| !(near > 0.0 && near.is_finite()))
+        let degrees = self.vertical_fov_degrees;
+        if !(degrees > 0.0 && degrees < 180.0) {
+            return Err(format!(
+                "the field of view is {degrees:?} degrees, accepted is above 0 and below 180"
+            ));
+        }
+        if 2.0 * (degrees.to_radians() / 2.0).tan() < SMALLEST_PIXEL * f64::from(self.height) {
+            return Err(format!(
+                "the field of view is {degrees:?} degrees: a pixel is smaller than f32 tells apart"
+            ));
+        }
+        if let Some(near) = self.near
+            && !(1.0 / FARTHEST..=FARTHEST).contains(&near)
         {
-            let near = self.near.unwrap_or_default();
-            return Err(format!("near is {near}, accepted is above 0"));
+            return Err(format!(
+                "near is {near:?}, accepted is {:?} to {FARTHEST:e}",
+                1.0 / FARTHEST
+            ));
         }
         if [self.width, self.height]
             .iter()
@@ -141,7 +160,7 @@ impl Wanted {
             ));
         }
         let up = upward((target - eye) / distance, self.up.map(DVec3::from))?;
-        let origin = origin_for(eye, target);
+        let origin = origin_for(world.bounds(), eye, target);
         let lights = lights.iter().map(|&light| relative_to(light, origin));
         let lights = lights.collect::<Result<_, _>>()?;
         let scene = world.relative_to(origin)?;
@@ -200,12 +219,14 @@ impl Shot {
                 upward,
             ],
         };
-        let distance = self.eye.distance(self.target);
+        // A target far beyond the scene is a direction.
+        let (low, high) = bounds_of(scene);
+        let size = self.eye.distance(self.target).min(low.distance(high));
         let before = sight
             .least_depth(scene)
             .map_or(f64::INFINITY, |depth| 0.5 * depth);
         // What goes through the eye itself has no near plane before it.
-        Ok(before.min(1e-3 * distance).max(1e-6 * distance))
+        Ok(before.min(1e-3 * size).max(1e-6 * size))
     }
 
     /// What a ray through each pixel's centre sees.
@@ -255,6 +276,9 @@ pub fn choose(options: &Options, loaded: Loaded) -> Result<(Scene, Shot), String
     } else if !loaded.cameras.is_empty() && (options.eye.is_none() || options.camera.is_some()) {
         from_gltf(options, &loaded.cameras)?
     } else if options.eye.is_some() || world.scene.views.is_empty() {
+        if world.scene.views.is_empty() && options.camera.is_some() {
+            return Err(unknown(options.camera.as_deref(), &[]));
+        }
         around(&world)
     } else {
         from_scene(options, &world.scene)?
@@ -363,11 +387,11 @@ fn sun_unless_emissive(scene: &Scene) -> Option<Light> {
 }
 
 fn unknown(wanted: Option<&str>, list: &[&str]) -> String {
-    format!(
-        "there is no camera {}, only {}",
-        wanted.unwrap_or("at all"),
-        list.join(", ")
-    )
+    let only = match list {
+        [] => "nor any other".into(),
+        _ => format!("only {}", list.join(", ")),
+    };
+    format!("there is no camera {}, {only}", wanted.unwrap_or("at all"))
 }
 
 /// A view of the whole scene from a corner above it.

@@ -20,18 +20,23 @@ pub enum Ask {
 impl Ask {
     /// `DSS_LIMITS`: `default` or unset for the floor, `all` for everything.
     pub fn from_env() -> Self {
-        match std::env::var("DSS_LIMITS").as_deref() {
-            Ok("all") => Self::All,
-            Ok("default") | Err(_) => Self::Floor,
-            Ok(other) => panic!("DSS_LIMITS is {other}, accepted is default or all"),
-        }
+        Self::from_env_or(Self::Floor).unwrap_or_else(|problem| panic!("{problem}"))
     }
 
-    /// The same, with room unless it is set.
-    pub fn room_from_env() -> Self {
+    /// The same, with room where it is unset.
+    pub fn room_from_env() -> Result<Self, String> {
+        Self::from_env_or(Self::Room)
+    }
+
+    fn from_env_or(unset: Self) -> Result<Self, String> {
         match std::env::var_os("DSS_LIMITS") {
-            None => Self::Room,
-            Some(_) => Self::from_env(),
+            None => Ok(unset),
+            Some(text) if text == "all" => Ok(Self::All),
+            Some(text) if text == "default" => Ok(Self::Floor),
+            Some(other) => Err(format!(
+                "DSS_LIMITS is {}, accepted is default or all",
+                other.display()
+            )),
         }
     }
 }
@@ -176,6 +181,17 @@ impl Gpu {
 
     /// The texels of one layer of a texture with usage `COPY_SRC`, rows from the top.
     pub fn read_texture<T: bytemuck::Pod>(&self, texture: &wgpu::Texture, layer: u32) -> Vec<T> {
+        let most = self.device.limits().max_buffer_size;
+        self.read_texture_by(texture, layer, most as usize)
+    }
+
+    /// The same through buffers of at most so many bytes, and a row.
+    pub fn read_texture_by<T: bytemuck::Pod>(
+        &self,
+        texture: &wgpu::Texture,
+        layer: u32,
+        bytes: usize,
+    ) -> Vec<T> {
         let size = wgpu::Extent3d {
             depth_or_array_layers: 1,
             ..texture.size()
@@ -183,9 +199,7 @@ impl Gpu {
         let texel = size_of::<T>();
         let row = texel * size.width as usize;
         let padded = row.next_multiple_of(256);
-        // A large texture takes several buffers.
-        let most = self.device.limits().max_buffer_size as usize / padded;
-        let band = size.height.min(most.max(1) as u32);
+        let band = size.height.min((bytes / padded).max(1) as u32);
         let mut texels = Vec::with_capacity((size.width * size.height) as usize);
         for top in (0..size.height).step_by(band as usize) {
             let height = band.min(size.height - top);

@@ -66,11 +66,25 @@ pub fn bounds_of(scene: &Scene) -> (DVec3, DVec3) {
     )
 }
 
-/// Where positions should be relative to, for an eye that looks at a target: close enough to both that f32 loses nothing
-/// that a pixel shows. It is the nearest point of a grid much coarser than their distance, so that a scene about the world's
-/// origin, looked at from a place of its own size, stays as it is, and coordinates of few digits keep them.
-pub fn origin_for(eye: DVec3, target: DVec3) -> DVec3 {
-    let step = (16.0 * eye.distance(target)).log2().ceil().exp2();
-    let snapped = (eye / step).round() * step;
-    if snapped.is_finite() { snapped } else { eye }
+/// Where the positions of a scene in this box should be relative to, for an eye that looks at a target: close enough to what
+/// is seen that f32 loses nothing that a pixel shows. It is the eye, or where the box is nearest to it, on a grid much
+/// coarser than what is seen: a scene about the world's origin stays as it is, and coordinates of few digits keep them.
+pub fn origin_for((low, high): (DVec3, DVec3), eye: DVec3, target: DVec3) -> DVec3 {
+    let nearest = eye.max(low).min(high);
+    let (size, distance) = (low.distance(high), eye.distance(target));
+    let seen = if distance <= size {
+        distance
+    } else if nearest == eye {
+        // The target is a direction, and says nothing of the scale of what is around the eye.
+        0.0
+    } else {
+        size
+    };
+    let step = (16.0 * seen).log2().ceil().exp2();
+    let snapped = (nearest / step).round() * step;
+    if snapped.is_finite() {
+        snapped
+    } else {
+        nearest
+    }
 }

@@ -93,15 +93,75 @@ fn straight_down_and_up_have_an_up_of_their_own() {
     let east = render("0,5,0", "--target 0,0,0 --up 1,0,0").expect("a picture");
     assert!(rmse(&down, &east) > 0.05);
     render("0,-5,0", "--target 0,0,0").expect("a picture from below");
+    let refused = render("0,5,0", "--target 0,0,0 --up 0,1,0").err();
+    assert!(refused.expect("no up").contains("line of sight"));
+}
+
+#[test]
+fn a_target_may_be_a_direction() {
+    let at = [4_194_311.0, 0.0, -4_194_311.0];
+    let nodes = json!([{ "translation": at, "mesh": 0 }]);
+    let file = glb("aside.glb", &[Triangles::corner()], &nodes);
+    // Along the same line of sight, next to the eye, in the scene, and as far as may be.
+    for ahead in [1e-9, 1.0, 1e9] {
+        let [eye, along] = [[3.0, 2.5, 4.0], [-3.0, -2.0, -4.0]];
+        let point = |t: f64| [0, 1, 2].map(|k| (at[k] + eye[k] + t * along[k]).to_string());
+        let [eye, target] = [0.0, ahead].map(|t| point(t).join(","));
+        let arguments = format!(
+            "{} {VIEW} --eye {eye} --target {target} --reference 16",
+            file.display()
+        );
+        let drawn = render("direction", &arguments).expect("a picture");
+        assert!(
+            drawn.off("rmse") < 0.1,
+            "{ahead}: {}",
+            drawn.stats["reference"]
+        );
+        assert!((drawn.off("mean") - 0.65).abs() < 0.03, "{ahead}");
+    }
+}
+
+#[test]
+fn what_cannot_be_drawn_is_one_line() {
+    let file = glb(
+        "corner.glb",
+        &[Triangles::corner()],
+        &json!([{ "mesh": 0 }]),
+    );
+    let scene = format!("{} --size 8x8", file.display());
+    let view = "--eye 3,2.5,4 --target 0,0.5,0";
     let refused = [
-        ("0,5,0", "--target 0,0,0 --up 0,1,0", "line of sight"),
-        ("0,5,0", "--target 0,5,0", "their distance is 0"),
-        ("0,5,0", "--target 0,0,0 --near 0", "near is 0"),
-        ("0,5,0", "--target 0,0,0 --near NaN", "near is NaN"),
+        ("--eye 1,1,1 --target 1,1,1", "distance is 0"),
+        ("--eye 1e300,0,0 --target 0,0,0", "distance is inf"),
+        ("--eye 1e30,0,0 --target 0,0,0", "distance is 1e30"),
+        (&format!("{view} --vfov 0"), "0.0 degrees"),
+        (&format!("{view} --vfov NaN"), "NaN degrees"),
+        (&format!("{view} --vfov -5"), "-5.0 degrees"),
+        (&format!("{view} --vfov 180"), "180.0 degrees"),
+        (&format!("{view} --vfov 1e-9"), "smaller than f32"),
+        (&format!("{view} --vfov 1e-300"), "smaller than f32"),
+        (&format!("{view} --near 0"), "near is 0.0"),
+        (&format!("{view} --near NaN"), "near is NaN"),
+        (&format!("{view} --near 1e300"), "near is 1e300"),
+        (&format!("{view} --camera side"), "no camera side"),
+        (&format!("{view} --cameras missing.json"), "missing.json"),
+        (&format!("{view} --method splat --surfels 0"), "a surfel"),
+        (&format!("{view} --pieces 0"), "pieces is 0"),
+        (&format!("{view} --directions 65"), "0 to 64"),
+        (
+            &format!("{view} --effect shadow --radius inf"),
+            "max_penumbra",
+        ),
+        (&format!("{view} --effect ssgi --radius 0"), "radius is 0"),
+        (&format!("{view} --multires"), "--multires"),
+        (&format!("{view} --effect ssgi --reference"), "--reference"),
     ];
-    for (eye, more, why) in refused {
-        let problem = render(eye, more).err().expect(why);
+    for (arguments, why) in refused {
+        let problem = render("refused", &format!("{scene} {arguments}"))
+            .err()
+            .expect(why);
         assert!(problem.contains(why), "{problem}");
+        assert!(!problem.contains('\n') && problem.len() < 300, "{problem}");
     }
 }
 

@@ -3,7 +3,7 @@
 use deep_screen_space::{
     Camera, CloudCapacity, Payload, Viewport,
     scenes::{self, Scene},
-    wgpu,
+    wgpu::{self, util::DeviceExt},
 };
 
 use super::{
@@ -122,4 +122,33 @@ fn runs_draw_the_same() {
         .visibility()
     };
     assert!(trace(&whole) == trace(&cut));
+}
+
+#[test]
+fn a_texture_larger_than_a_buffer_is_read_whole() {
+    let (width, height) = (70, 37);
+    let texels: Vec<u32> = (0..width * height).collect();
+    let texture = GPU.device.create_texture_with_data(
+        &GPU.queue,
+        &wgpu::TextureDescriptor {
+            label: None,
+            size: wgpu::Extent3d {
+                width,
+                height,
+                depth_or_array_layers: 1,
+            },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: wgpu::TextureFormat::R32Uint,
+            usage: wgpu::TextureUsages::COPY_SRC,
+            view_formats: &[],
+        },
+        wgpu::util::TextureDataOrder::LayerMajor,
+        bytemuck::cast_slice(&texels),
+    );
+    for bytes in [0, 512, 5000, 1 << 20] {
+        let read: Vec<u32> = GPU.read_texture_by(&texture, 0, bytes);
+        assert!(read == texels, "{bytes} bytes");
+    }
 }
