@@ -51,6 +51,7 @@ impl Rendered {
             "triangles": self.triangles,
             "triangles_rejected": self.counts.rejected,
             "pieces": self.counts.pieces,
+            "pieces_merged": self.counts.merged,
             "piece_overflow": self.counts.piece_overflow(self.capacity),
             "surfels": self.counts.stored,
             "surfel_overflow": if self.surfels_made { self.counts.overflow() } else { 0 },
@@ -64,6 +65,9 @@ impl Rendered {
 
 /// The largest share of the pieces' area that a picture may be without.
 const MOST_LOST: f64 = 1e-3;
+
+/// Pieces that large triangles of a usual view come to.
+const GUESS: u32 = 1000;
 
 /// Renders with room for the pieces that the scene comes to, as far as the device has it. How many there are is known once
 /// they were made: where the first guess was too low, with more room.
@@ -83,7 +87,7 @@ fn with_room<R, T>(
         surfels,
         pieces: options
             .pieces
-            .unwrap_or_else(|| most.min(buffers.triangles() + 200_000)),
+            .unwrap_or_else(|| most.min(buffers.triangles().saturating_add(GUESS))),
         triangles: buffers.triangles(),
     };
     loop {
@@ -95,12 +99,7 @@ fn with_room<R, T>(
             capacity.pieces = wanted;
             continue;
         }
-        let overflow = counts.piece_overflow(capacity);
-        let lost = if counts.lost_area == 0 {
-            f64::from(overflow) / f64::from(counts.pieces.max(1))
-        } else {
-            counts.lost_area_share()
-        };
+        let lost = counts.lost_area_share();
         if lost > MOST_LOST {
             return Err(format!(
                 "{:.2} % of the area found no room: the scene comes to {} pieces, {}",

@@ -6,8 +6,12 @@ use deep_screen_space::{
     wgpu::{self, util::DeviceExt},
 };
 
+use serde_json::json;
+
 use super::{
-    GPU, render,
+    GPU,
+    files::{Triangles, glb},
+    render,
     render::support::{
         bounced::BouncedRenderer,
         presets::bounced_preset,
@@ -33,12 +37,23 @@ fn a_room_whose_pieces_find_no_room_is_no_picture() {
 }
 
 #[test]
-fn a_scene_grows_to_the_pieces_it_comes_to() {
-    // Seen through a keyhole, surfels are fine, and pieces many: more than the first guess has room for.
-    let view = "--eye 0,1,4 --target 0,1,0 --vfov 0.02 --size 16x16";
-    let arguments = format!("cornell {view} --method splat --preset fast");
-    let drawn = render("keyhole", &arguments).expect("a picture");
-    assert_eq!(drawn.stats["piece_overflow"], 0);
+fn room_grows_to_the_pieces_that_a_scene_comes_to() {
+    // With the eye on the floor large triangles are split many times, and here are many floors: more than the first guess
+    // has room for.
+    let floors = (0..40).fold(Triangles::default(), |floors, _| {
+        floors.rectangle([-2.0, 0.0, -2.0], [0.0, 0.0, 4.0], [4.0, 0.0, 0.0])
+    });
+    let file = glb("floors.glb", &[floors], &json!([{ "mesh": 0 }]));
+    let view = "--eye 1,0,1.5 --target 0,0.00001,0 --near 1e-9 --size 16x16";
+    let splat = format!("{} {view} --method splat --preset accurate", file.display());
+    let drawn = render("floor", &splat).expect("a picture");
+    let count = |field: &str| drawn.stats[field].as_u64().expect(field);
+    assert!(
+        count("pieces") > count("triangles") + 1000,
+        "{}",
+        drawn.stats
+    );
+    assert_eq!([count("piece_overflow"), count("pieces_merged")], [0, 0]);
 }
 
 /// Corners of triangles, in order, with their normals and the material.
