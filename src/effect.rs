@@ -39,6 +39,8 @@ pub enum Channels {
 /// `sender` has `radius` and `normal`, and with [`Effect::materials`] `material.albedo`, `material.emission` and
 /// `material.double_sided`.
 #[derive(Clone, Debug, PartialEq)]
+// What an effect needs and does is told apart; no two of them exclude each other.
+#[allow(clippy::struct_excessive_bools)]
 pub struct Effect {
     /// Appears in the labels of what is made for it.
     pub label: Cow<'static, str>,

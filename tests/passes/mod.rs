@@ -23,6 +23,7 @@ pub fn effect(source: &str, channels: Channels, albedo: bool) -> Effect {
         materials: false,
         albedo,
         two_sided: true,
+        own_surface: false,
         constants: Vec::new(),
     }
 }

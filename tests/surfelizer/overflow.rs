@@ -184,7 +184,7 @@ fn pieces_are_merged_before_any_is_lost() {
         count,
         count + 1,
         count + 20,
-        (count + asked) / 2,
+        u32::midpoint(count, asked),
         asked - 1,
         asked,
     ] {
