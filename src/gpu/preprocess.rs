@@ -39,7 +39,6 @@ pub(crate) const FLAGS: &[&str] = &[
     "MOTION",
     "NORMALS",
     "ONE_SIDED",
-    "PLAN",
     "RADIANCE",
     "SAMPLES",
     "SENDER_DISKS",

@@ -348,10 +348,7 @@ pub(crate) enum HitStage {
 }
 
 /// Assembles one of them.
-fn source(
-    descriptor: &HitReconstructorDescriptor,
-    stage: HitStage,
-) -> Result<String, Error> {
+fn source(descriptor: &HitReconstructorDescriptor, stage: HitStage) -> Result<String, Error> {
     let mut flags = Vec::new();
     flags.extend((descriptor.payload == Payload::Radiance).then_some("RADIANCE"));
     flags.extend(descriptor.glossy().then_some("GLOSSY"));

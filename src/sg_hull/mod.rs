@@ -929,11 +929,7 @@ pub(crate) struct HullVariant {
 }
 
 /// Assembles one of them.
-fn source(
-    gatherer: &str,
-    stage: HullStage,
-    variant: HullVariant,
-) -> Result<String, Error> {
+fn source(gatherer: &str, stage: HullStage, variant: HullVariant) -> Result<String, Error> {
     let (name, text) = match stage {
         HullStage::Segment => (
             "sg_hull_segment",
