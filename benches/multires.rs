@@ -215,7 +215,7 @@ fn measure(
     let mut best = [f64::INFINITY; 4];
     for _ in 0..runs {
         let times = [
-            gpu.time(|e| passes.record(stage, e, (effect, samples), None, &full)),
+            gpu.time(|e| passes.record(stage, e, (effect, samples), None, full.texture())),
             gpu.time(|e| {
                 masked.record_masks(passes, stage, e)?;
                 masked.record_images(passes, stage, e, samples)?;
@@ -246,8 +246,8 @@ fn measure(
         masked_ms,
         speedup: full_ms / masked_ms,
         rmse: rmse(
-            read_image(gpu, &full).as_flattened(),
-            read_image(gpu, &masked.target).as_flattened(),
+            read_image(gpu, full.texture()).as_flattened(),
+            read_image(gpu, masked.target.texture()).as_flattened(),
         ),
         computed_share: counts.iter().map(|&n| f64::from(n)).sum::<f64>() / pixels(0),
         mask_ms,

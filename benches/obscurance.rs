@@ -171,16 +171,16 @@ impl Stage {
             ObscuranceSampling::Areas(_) | ObscuranceSampling::OneArea
         );
         let input = ObscuranceInput {
-            depth: &self.depth,
+            depth: self.depth.texture().into(),
             normals: Some(Normals {
-                view: &self.normal,
+                texture: self.normal.texture().into(),
                 encoding: NormalEncoding::Signed,
                 space: NormalSpace::World,
             }),
             camera: &self.camera,
             moments: areas.then_some(moments),
             work: None,
-            target: &self.target,
+            target: self.target.texture().into(),
             timestamps: None,
         };
         let (ms, recorded) = gpu.time(|encoder| {
@@ -188,7 +188,7 @@ impl Stage {
                 pass.record_moments(
                     &gpu.device,
                     encoder,
-                    &self.depth,
+                    self.depth.texture().into(),
                     &self.camera,
                     moments,
                     None,

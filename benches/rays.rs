@@ -35,10 +35,11 @@ use rayon::prelude::*;
 use serde::Deserialize;
 use support::{
     bounced::BouncedRenderer,
+    gltf::load_gltf,
     gpu::{Ask, Gpu},
     presets::bounced_preset,
     raster::{Raster, perspective},
-    scene::{SceneBuffers, load_gltf},
+    scene::SceneBuffers,
 };
 
 /// Best of this many runs: a shared machine only ever adds time.
@@ -120,8 +121,11 @@ fn main() {
     );
     let mut rows = Vec::new();
     for name in &names {
-        let scene = scenes::by_name(name)
-            .unwrap_or_else(|| load_gltf(name.as_ref()).expect("a scene or a glTF file"));
+        let scene = scenes::by_name(name).unwrap_or_else(|| {
+            load_gltf(name.as_ref())
+                .expect("a scene or a glTF file")
+                .scene
+        });
         let path: &Path = name.as_ref();
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         match options.cameras.get(&*stem) {
@@ -324,7 +328,7 @@ fn cpu_hits(tracer: &Tracer, receivers: &[Option<Receiver>], width: u32) -> usiz
         .map(|(i, at)| {
             let Some(at) = at else { return 0 };
             let pixel = [i as u32 % width, i as u32 / width];
-            let origin = at.position + at.geometric_normal * tracer.epsilon();
+            let origin = tracer.start(at.position, at.geometric_normal);
             (0..DIRECTIONS)
                 .filter(|&index| {
                     let point = cell_point(pixel, index, GRID, 0);

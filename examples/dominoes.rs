@@ -301,7 +301,7 @@ impl<'o> Studio<'o> {
         };
         let roughness = match kind {
             Kind::Diffuse => None,
-            Kind::Glossy => Some(&shot.roughness_texture),
+            Kind::Glossy => Some(shot.roughness_texture.texture()),
         };
         gatherer.render(
             &self.gpu,

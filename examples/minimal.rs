@@ -114,7 +114,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         cloud: &cloud,
         sums: &sums,
         levels: splat.levels,
-        target: &target,
+        target: target.texture().into(),
         sub_image: None,
         timestamps: None,
     };

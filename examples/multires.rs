@@ -44,7 +44,13 @@ fn show(
     let full = gpu.storage(effect.format(), width, height);
     let mut masked = Masked::new(gpu, passes, effect, effect.mask(), SIZE)?;
     let mut encoder = gpu.encoder();
-    passes.record(stage, &mut encoder, (effect, effect.samples()), None, &full)?;
+    passes.record(
+        stage,
+        &mut encoder,
+        (effect, effect.samples()),
+        None,
+        full.texture(),
+    )?;
     masked.record_masks(passes, stage, &mut encoder)?;
     masked.record_images(passes, stage, &mut encoder, effect.samples())?;
     masked.record_blend(stage, &mut encoder)?;
@@ -53,8 +59,8 @@ fn show(
         let path = folder.join(format!("{}-{what}.png", effect.name()));
         files::write_png_rgb(&path, width, height, texels, 1.0)
     };
-    let full = read_image(gpu, &full);
-    let blended = read_image(gpu, &masked.target);
+    let full = read_image(gpu, full.texture());
+    let blended = read_image(gpu, masked.target.texture());
     save("full", SIZE, &full)?;
     save("blended", SIZE, &blended)?;
     let difference: Vec<[f32; 3]> = full

@@ -29,7 +29,8 @@ pub enum Channels {
 /// fn resolve(sum: Sum, albedo: vec3f) -> vec4f
 /// ```
 ///
-/// `sender` has `radius` and `normal`, and with [`Effect::materials`] `material.albedo` and `material.emission`.
+/// `sender` has `radius` and `normal`, and with [`Effect::materials`] `material.albedo`, `material.emission` and
+/// `material.double_sided`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Effect {
     /// Appears in the labels of what is made for it.
@@ -44,7 +45,7 @@ pub struct Effect {
     pub albedo: bool,
     /// Whether a surfel contributes behind its back. Where it does not, surfels that face away are never evaluated.
     pub two_sided: bool,
-    /// Values for `override` constants of `source`.
+    /// Values for `override` constants of `source`: for all that have none of their own, and for no others.
     pub constants: Vec<(String, f64)>,
 }
 
@@ -71,6 +72,11 @@ impl Effect {
             file: &self.label,
             text: &self.source,
         }
+    }
+
+    /// [`crate::Error::Effect`] for constants that its source does not have.
+    pub(crate) fn check(&self) -> Result<(), crate::Error> {
+        crate::overrides::check_constants(&self.label, &self.source, &self.constants)
     }
 
     /// The constants as pipelines take them.

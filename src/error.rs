@@ -109,6 +109,18 @@ pub enum Error {
         /// What this call needs.
         needed: String,
     },
+    /// An object was not recorded, or not from what it is used with, or not since that was last recorded.
+    ///
+    /// What counts is the order of recordings. Encoders that are submitted in another order are not noticed.
+    #[error(
+        "{name} is {found}, needed is one that was recorded from what it is used with, since that was"
+    )]
+    Recording {
+        /// Which object.
+        name: &'static str,
+        /// How it was recorded.
+        found: String,
+    },
     /// WGSL given by the caller does not fit.
     #[error("the WGSL of {label} {problem}")]
     Effect {

@@ -1,8 +1,12 @@
-//! The caller's G-buffer: borrowed views, how they are encoded, and the checks that they fit.
+//! The caller's G-buffer: borrowed textures, how they are encoded, and the checks that they fit.
 
-use wgpu::{TextureFormat as Format, TextureUsages, TextureView};
+use wgpu::{TextureFormat as Format, TextureUsages};
 
-use crate::{camera::Viewport, error::Error};
+use crate::{
+    camera::Viewport,
+    error::Error,
+    texture_slice::{Read, TextureSlice, check_slice},
+};
 
 /// How the three components of a normal are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -29,44 +33,43 @@ pub enum NormalSpace {
     View,
 }
 
-/// Views of the caller's G-buffer: of 2-D textures without array layers, one sample a pixel, from mip level 0. Each
-/// texture covers the camera's viewport; they need not be of one size.
+/// The caller's G-buffer. Each texture covers the camera's viewport; they need not be of one size.
 ///
 /// Pixels are read within the camera's viewport only. A normal that is zero, not finite or too short to normalise is
 /// taken to face the eye; any other length is normalised away.
 #[derive(Clone, Copy, Debug)]
 pub struct GBuffer<'a> {
     /// The depth that the camera's projection produced: a depth format, or `R32Float` with the same values. Of a format
-    /// with stencil a view of the depth aspect alone. Usage `TEXTURE_BINDING`.
-    pub depth: &'a TextureView,
+    /// with stencil the depth is read. Usage `TEXTURE_BINDING`.
+    pub depth: TextureSlice<'a>,
     /// Shading normals, in any float, snorm or unorm format with the components that the encoding needs. Usage
     /// `TEXTURE_BINDING`.
-    pub normal: &'a TextureView,
+    pub normal: TextureSlice<'a>,
     /// How normals are stored.
     pub normal_encoding: NormalEncoding,
     /// The axes of the normals.
     pub normal_space: NormalSpace,
     /// Diffuse albedo (linear, 0…1), for effects that ask for it with
     /// [`Effect::albedo`](crate::Effect::albedo). Any float or unorm format, usage `TEXTURE_BINDING`.
-    pub albedo: Option<&'a TextureView>,
+    pub albedo: Option<TextureSlice<'a>>,
 }
 
 impl GBuffer<'_> {
     /// Checks formats, sizes and usages against the rectangle that will be read.
     ///
     /// # Errors
-    /// [`Error::Format`], [`Error::Usage`], [`Error::Shape`] or [`Error::Size`], naming the view.
+    /// [`Error::Format`], [`Error::Usage`], [`Error::Shape`] or [`Error::Size`], naming the texture.
     pub fn validate(&self, viewport: Viewport) -> Result<(), Error> {
-        check_depth("GBuffer::depth", self.depth, viewport)?;
+        check_depth("GBuffer::depth", &self.depth, viewport)?;
         self.normals().check("GBuffer::normal", viewport)?;
-        if let Some(albedo) = self.albedo {
-            check_plain(
+        if let Some(albedo) = &self.albedo {
+            check_slice(
                 "GBuffer::albedo",
                 albedo,
                 viewport,
                 TextureUsages::TEXTURE_BINDING,
             )?;
-            let format = albedo.texture().format();
+            let format = albedo.view_format();
             if !samples_as_float(format) || format.components() < 3 {
                 return Err(Error::Format {
                     name: "GBuffer::albedo",
@@ -81,14 +84,25 @@ impl GBuffer<'_> {
     /// Its normals, for passes that can do without.
     pub fn normals(&self) -> Normals<'_> {
         Normals {
-            view: self.normal,
+            texture: self.normal,
             encoding: self.normal_encoding,
             space: self.normal_space,
         }
     }
 
     pub(crate) fn depth_step(&self) -> f32 {
-        depth_step(self.depth.texture().format())
+        depth_step(self.depth.view_format())
+    }
+
+    /// What passes may read of it.
+    pub(crate) fn reads(&self) -> impl Iterator<Item = Read<'_>> {
+        [
+            Some(("GBuffer::depth", self.depth, 1)),
+            Some(("GBuffer::normal", self.normal, 1)),
+            self.albedo.map(|albedo| ("GBuffer::albedo", albedo, 1)),
+        ]
+        .into_iter()
+        .flatten()
     }
 }
 
@@ -96,7 +110,7 @@ impl GBuffer<'_> {
 #[derive(Clone, Copy, Debug)]
 pub struct Normals<'a> {
     /// As [`GBuffer::normal`].
-    pub view: &'a TextureView,
+    pub texture: TextureSlice<'a>,
     /// How they are stored.
     pub encoding: NormalEncoding,
     /// Their axes.
@@ -105,8 +119,13 @@ pub struct Normals<'a> {
 
 impl Normals<'_> {
     pub(crate) fn check(&self, name: &'static str, viewport: Viewport) -> Result<(), Error> {
-        check_plain(name, self.view, viewport, TextureUsages::TEXTURE_BINDING)?;
-        let format = self.view.texture().format();
+        check_slice(
+            name,
+            &self.texture,
+            viewport,
+            TextureUsages::TEXTURE_BINDING,
+        )?;
+        let format = self.texture.view_format();
         let components = format.components();
         let (ok, accepted) = match self.encoding {
             NormalEncoding::Signed => (
@@ -151,11 +170,11 @@ impl Normals<'_> {
 /// Checks a depth buffer that covers the viewport.
 pub(crate) fn check_depth(
     name: &'static str,
-    depth: &TextureView,
+    depth: &TextureSlice<'_>,
     viewport: Viewport,
 ) -> Result<(), Error> {
-    check_plain(name, depth, viewport, TextureUsages::TEXTURE_BINDING)?;
-    let format = depth.texture().format();
+    check_slice(name, depth, viewport, TextureUsages::TEXTURE_BINDING)?;
+    let format = depth.view_format();
     if !(format.has_depth_aspect() || format == Format::R32Float) {
         return Err(Error::Format {
             name,
@@ -176,57 +195,15 @@ pub(crate) fn depth_step(format: Format) -> f32 {
     }
 }
 
-/// Checks that a view is of a plain 2-D texture with one layer and one sample, of a needed usage, covering the viewport.
-/// A view does not tell its own dimension, so a single layer of an array is refused with the array.
-pub(crate) fn check_plain(
-    name: &'static str,
-    view: &TextureView,
-    viewport: Viewport,
-    needed: TextureUsages,
-) -> Result<(), Error> {
-    let texture = view.texture();
-    if texture.dimension() != wgpu::TextureDimension::D2
-        || texture.depth_or_array_layers() != 1
-        || texture.sample_count() != 1
-    {
-        return Err(Error::Shape {
-            name,
-            found: format!(
-                "dimension {:?}, {} layers, {} samples a pixel",
-                texture.dimension(),
-                texture.depth_or_array_layers(),
-                texture.sample_count()
-            ),
-            needed: "a 2-D texture with one layer and one sample a pixel",
-        });
-    }
-    if !texture.usage().contains(needed) {
-        return Err(Error::Usage {
-            name,
-            usage: texture.usage(),
-            needed,
-        });
-    }
-    let end = viewport.end();
-    if texture.width() < end[0] || texture.height() < end[1] {
-        return Err(Error::Size {
-            name,
-            size: [texture.width(), texture.height()],
-            needed: end,
-        });
-    }
-    Ok(())
-}
-
-/// A view of roughness, checked where there is one; returned where it is needed.
+/// Roughness, checked where there is one; returned where it is needed.
 pub(crate) fn check_roughness<'v>(
     name: &'static str,
-    view: Option<&'v TextureView>,
+    slice: Option<TextureSlice<'v>>,
     // The descriptor's field or value that asks for it.
     needed: Option<&'static str>,
     viewport: Viewport,
-) -> Result<Option<&'v TextureView>, Error> {
-    let Some(view) = view else {
+) -> Result<Option<TextureSlice<'v>>, Error> {
+    let Some(slice) = slice else {
         return match needed {
             Some(by) => Err(Error::Mismatch {
                 name,
@@ -236,8 +213,8 @@ pub(crate) fn check_roughness<'v>(
             None => Ok(None),
         };
     };
-    check_plain(name, view, viewport, TextureUsages::TEXTURE_BINDING)?;
-    let format = view.texture().format();
+    check_slice(name, &slice, viewport, TextureUsages::TEXTURE_BINDING)?;
+    let format = slice.view_format();
     if !samples_as_float(format) || is_snorm(format) {
         return Err(Error::Format {
             name,
@@ -245,7 +222,7 @@ pub(crate) fn check_roughness<'v>(
             accepted: "a float or unorm format",
         });
     }
-    Ok(needed.map(|_| view))
+    Ok(needed.map(|_| slice))
 }
 
 pub(crate) fn samples_as_float(format: Format) -> bool {

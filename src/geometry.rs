@@ -224,10 +224,10 @@ pub struct Material {
     pub albedo: [f32; 3],
     /// 0.
     pub padding0: f32,
-    /// Emitted radiosity, W/m².
+    /// Emitted radiosity, W/m², of the front.
     pub emission: [f32; 3],
-    /// 0.
-    pub padding1: f32,
+    /// Whether the back emits as the front does: 0 says no, all else says yes.
+    pub double_sided: u32,
 }
 
 /// The triangles of a scene as the caller draws them.

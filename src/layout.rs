@@ -362,7 +362,7 @@ fn structs_match_the_shaders() {
         &lit,
         "shell_splatter build",
         "Material",
-        &fields!(Material: albedo, emission),
+        &fields!(Material: albedo, emission, double_sided),
         size_of::<Material>(),
     );
 }

@@ -49,7 +49,7 @@
 //!     meshes: &[Mesh<'_>],
 //!     camera: &Camera,
 //!     gbuffer: GBuffer<'_>,
-//!     target: &wgpu::TextureView,
+//!     target: &wgpu::Texture,
 //! ) -> Result<(), Error> {
 //!     // Once: pipelines.
 //!     let effect = AmbientOcclusion::default().effect();
@@ -79,7 +79,7 @@
 //!     let clusters = &clusters;
 //!     let input = SplatInput { gbuffer, camera, cloud, clusters, materials: None, work: None, timestamps: None };
 //!     splatter.record(device, encoder, &input, &splat, &sums)?;
-//!     let (sums, levels) = (&sums, splat.levels);
+//!     let (sums, levels, target) = (&sums, splat.levels, target.into());
 //!     let input = ReconstructorInput { gbuffer, camera, cloud, sums, levels, sub_image: None, target, timestamps: None };
 //!     reconstructor.record(device, encoder, &input, &Default::default(), &scratch)
 //! }
@@ -107,8 +107,10 @@ mod layout;
 mod light;
 mod multi_res_mask;
 mod multi_res_reconstructor;
+mod overrides;
 mod receivers;
 mod reconstructor;
+mod recorded;
 #[cfg(feature = "reference")]
 pub mod reference;
 mod reflective_shadow_map;
@@ -124,6 +126,7 @@ mod surfel;
 mod surfel_shader;
 mod surfelizer;
 mod temporal_accumulator;
+mod texture_slice;
 mod volumetric_obscurance;
 mod work;
 
@@ -168,6 +171,7 @@ pub use reflective_shadow_map::{
 pub use screen_space_gi::{ScreenSpaceGi, ScreenSpaceGiInput, settings::ScreenSpaceGiSettings};
 pub use sg_hull::{
     HullSegment, HullVertex, SgHull, SgHullCounts, SgHullDescriptor, SgHullInput, SgHullView,
+    bound::GathererBinding,
     gatherer::{Gatherer, PolygonLight},
     settings::{Components, SgHullSettings, SgHullSize},
     surfels::SurfelLight,
@@ -191,6 +195,7 @@ pub use surfelizer::{
 pub use temporal_accumulator::{
     MotionVectors, TemporalAccumulator, TemporalHistory, TemporalInput, settings::TemporalSettings,
 };
+pub use texture_slice::TextureSlice;
 pub use volumetric_obscurance::{
     ObscuranceInput, VolumetricObscurance, VolumetricObscuranceDescriptor,
     samples::{BallSamples, DiskSamples},

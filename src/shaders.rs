@@ -12,8 +12,11 @@ use crate::{
     surfelizer, temporal_accumulator, volumetric_obscurance,
 };
 
-/// How each pass lists its own modules.
-const PASSES: &[fn(&mut Listing<'_>) -> Result<(), Error>] = &[
+/// How a pass adds its modules to the listing.
+type List = fn(&mut Listing<'_>) -> Result<(), Error>;
+
+/// Every pass.
+const PASSES: &[List] = &[
     sort::list,
     scan::list,
     receivers::list,

@@ -10,6 +10,7 @@ use crate::{
         scan::{Scan, ScanBuffer},
         storage,
     },
+    recorded::{Recordings, Stamp},
     surfelizer::settings::Placement,
 };
 
@@ -120,6 +121,7 @@ impl SurfelCounts {
 #[derive(Debug)]
 pub struct SurfelCloud {
     pub(crate) capacity: CloudCapacity,
+    pub(crate) recordings: Recordings,
     pub(crate) origin: DVec3,
     /// How its surfels were last placed.
     pub(crate) placement: Placement,
@@ -163,6 +165,7 @@ impl SurfelCloud {
         let bytes = |count: u32, size: usize| u64::from(count) * size as u64;
         Ok(Self {
             capacity,
+            recordings: Recordings::default(),
             origin: DVec3::ZERO,
             placement: Placement::default(),
             perspective: true,
@@ -207,6 +210,16 @@ impl SurfelCloud {
                 capacity.pieces,
             )?,
         })
+    }
+
+    /// Its last recording, for what is recorded from it.
+    pub(crate) fn last(&self) -> Result<Stamp, Error> {
+        self.recordings.last("SurfelCloud")
+    }
+
+    /// [`Error::Recording`] for `name` where it was not recorded from this, since this was.
+    pub(crate) fn check_source(&self, name: &'static str, stamp: &Stamp) -> Result<(), Error> {
+        stamp.check(name, "SurfelCloud", &self.recordings)
     }
 
     /// What it can hold.

@@ -3,19 +3,18 @@
 use wgpu::{
     BindGroupLayout, BindingResource, BindingType, Buffer, BufferUsages, CommandEncoder,
     ComputePipeline, Device, PipelineCache, ShaderStages, TextureFormat, TextureUsages,
-    TextureView,
 };
 
 use crate::{
     camera::Viewport,
     error::{Error, check_setting},
-    gbuffer::check_plain,
     geometry::{check_size, check_usage},
     gpu::{
         Kernel, Timestamps,
-        binding::{self, READ, whole},
+        binding::{self, READ, check_first, first},
         compute_pass, shader,
     },
+    texture_slice::{TextureSlice, check_slice},
 };
 
 /// Sub-images that there can be: 1, 1/2, 1/4 and 1/8 of the image's width and height.
@@ -37,6 +36,8 @@ pub struct WorkList<'a> {
     pub dispatch: &'a Buffer,
 }
 
+const PIXELS: &str = "WorkList::pixels";
+
 impl WorkList<'_> {
     /// Checks the level, and both buffers against it.
     ///
@@ -45,9 +46,8 @@ impl WorkList<'_> {
     pub fn validate(&self, viewport: Viewport) -> Result<(), Error> {
         const DISPATCH: &str = "WorkList::dispatch";
         check_setting(self.level < LEVELS, "WorkList::level", self.level, "0 to 3")?;
-        check_usage("WorkList::pixels", self.pixels)?;
-        let pixels = list_bytes([viewport.width, viewport.height], self.level);
-        check_size("WorkList::pixels", self.pixels, pixels)?;
+        check_usage(PIXELS, self.pixels)?;
+        check_size(PIXELS, self.pixels, self.bytes(viewport))?;
         if !self.dispatch.usage().contains(BufferUsages::INDIRECT) {
             return Err(Error::Buffer {
                 name: DISPATCH,
@@ -56,6 +56,21 @@ impl WorkList<'_> {
             });
         }
         check_size(DISPATCH, self.dispatch, 12)
+    }
+
+    /// The same, and that the device can bind the list.
+    pub(crate) fn check(&self, device: &Device, viewport: Viewport) -> Result<(), Error> {
+        self.validate(viewport)?;
+        check_first(device, PIXELS, self.pixels, self.bytes(viewport))
+    }
+
+    /// The list as a binding.
+    pub(crate) fn list(&self, viewport: Viewport) -> BindingResource<'_> {
+        first(self.pixels, self.bytes(viewport))
+    }
+
+    fn bytes(&self, viewport: Viewport) -> u64 {
+        list_bytes([viewport.width, viewport.height], self.level)
     }
 }
 
@@ -72,20 +87,21 @@ pub(crate) fn list_bytes(size: [u32; 2], level: u32) -> u64 {
 
 /// The level that work is on, after a check of the list and of the storage texture that an effect writes.
 pub(crate) fn check_work(
+    device: &Device,
     name: &'static str,
     work: Option<&WorkList<'_>>,
     viewport: Viewport,
-    target: &TextureView,
+    target: &TextureSlice<'_>,
     format: TextureFormat,
 ) -> Result<u32, Error> {
     if let Some(work) = work {
-        work.validate(viewport)?;
+        work.check(device, viewport)?;
     }
     let level = work.map_or(0, |work| work.level);
     let [width, height] = level_size([viewport.width, viewport.height], level);
     let needed = Viewport::full(width, height);
-    check_plain(name, target, needed, TextureUsages::STORAGE_BINDING)?;
-    let found = target.texture().format();
+    check_slice(name, target, needed, TextureUsages::STORAGE_BINDING)?;
+    let found = target.view_format();
     if found != format {
         return Err(Error::Format {
             name,
@@ -168,7 +184,7 @@ impl WorkKernel {
         viewport: Viewport,
         timestamps: Option<Timestamps<'_>>,
     ) {
-        resources.extend(work.map(|work| (self.binding, whole(work.pixels))));
+        resources.extend(work.map(|work| (self.binding, work.list(viewport))));
         let (layout, pipeline) = &self.variants[usize::from(work.is_some())];
         let group = binding::group(device, self.label, layout, &resources);
         let mut pass = compute_pass(encoder, self.label, timestamps);

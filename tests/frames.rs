@@ -140,7 +140,7 @@ impl Stage {
         gatherer
             .render(
                 &self.gpu,
-                (raster, Some(&self.roughness)),
+                (raster, Some(self.roughness.texture())),
                 camera,
                 &self.senders,
                 (&traced, &settings),

@@ -80,6 +80,7 @@ fn scene() -> Scene {
             .map(|emission| Material {
                 albedo: [0.0; 3],
                 emission,
+                double_sided: false,
             })
             .to_vec(),
         views: Vec::new(),
@@ -228,6 +229,7 @@ impl Stage {
         target: &TextureView,
     ) -> Result<BouncedView, Error> {
         let device = &self.gpu.device;
+        let roughness = roughness.map(|view| view.texture().into());
         let payload = usize::from(job.payload == Payload::Radiance);
         let bounced = &self.bounced[payload];
         let made = &self.reconstructors[payload][usize::from(job.deferred)];
@@ -267,7 +269,7 @@ impl Stage {
             cloud: &self.cloud,
             hits: &view,
             traced: &traced,
-            target,
+            target: target.texture().into(),
             timestamps: None,
         };
         let settings = HitReconstructorSettings {
@@ -308,7 +310,7 @@ impl Stage {
     fn arriving(&self, payload: Payload, pixel: &Pixel, direction: DVec3) -> DVec3 {
         let tracer = &self.shot.tracer;
         let at = pixel.receiver;
-        let origin = at.position + at.shading_normal * tracer.epsilon();
+        let origin = tracer.start(at.position, at.shading_normal);
         let hit = tracer.first_hit(origin, direction, 0.0, f64::INFINITY);
         if payload == Payload::Occlusion {
             return DVec3::splat(f64::from(u8::from(hit.is_none())));
@@ -773,8 +775,8 @@ fn viewports_and_formats() {
     let normal = gpu.texture(TextureFormat::Rgba32Float, width, height, &normal);
     let rough = gpu.texture(TextureFormat::Rgba8Unorm, width, height, &bytes);
     let gbuffer = GBuffer {
-        depth: &depth,
-        normal: &normal,
+        depth: depth.texture().into(),
+        normal: normal.texture().into(),
         ..stage.shot.gbuffer()
     };
     let viewport = Viewport {

@@ -746,7 +746,7 @@ fn what_does_not_fit_is_a_typed_error() {
         cloud: &senders.cloud,
         hits: &hits,
         traced: &four,
-        target: &target,
+        target: target.texture().into(),
         timestamps: None,
         roughness: None,
     };
@@ -797,7 +797,7 @@ fn what_does_not_fit_is_a_typed_error() {
         unusable,
     ] {
         let bad = HitReconstructorInput {
-            target: &target,
+            target: target.texture().into(),
             ..input
         };
         assert_eq!(

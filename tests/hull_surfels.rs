@@ -175,7 +175,7 @@ impl Lab {
             origin,
             gather: Some(&gather),
             roughness: None,
-            target: &target,
+            target: target.texture().into(),
             timestamps: None,
         };
         if exact {

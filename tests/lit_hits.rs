@@ -6,18 +6,21 @@ mod support;
 mod rays;
 mod shot;
 
-use std::sync::LazyLock;
+use std::{f64::consts::PI, sync::LazyLock};
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Camera,
-    CloudCapacity, Error, HitLighting, Light, Lighting, Payload, Sampling, Senders,
+    CloudCapacity, Error, HitLighting, Light, Lighting, Payload, Sampling, Senders, Viewport,
     glam::DVec3,
-    reference::{bounced_z_buffer::Tracing, packing::unpack_color, trace::Receiver},
+    reference::{
+        bounced_z_buffer::Tracing, light::arrival, packing::unpack_color, trace::Receiver,
+    },
     scenes::{self, Scene},
     wgpu,
 };
 use rays::{AMPLE, lab, moved, triangles};
 use shot::{Shot, camera_of};
+use support::raster::perspective;
 
 /// A colour is packed into steps of 1/256 of its largest component at most; the rest is f32's rounding.
 const OFF: f64 = 1.0 / 200.0;
@@ -228,6 +231,150 @@ fn extremes_are_the_mirrors() {
         let color = unpack_color(color);
         assert!(color.is_finite() && color.min_element() >= 0.0, "{color}");
     }
+}
+
+/// Lamps on and near the surfaces of a hall that hides nothing from them, from near and from far: each hit has the light
+/// that would reach it were there no shadows. 1 in 500 may lie beyond a corner by a rounding.
+#[test]
+fn lamps_on_surfaces_lose_no_light() {
+    let scene = rays::hall(&scenes::cornell());
+    let materials = scene.material_table();
+    let albedo = DVec3::from(materials[0].albedo.map(f64::from));
+    for (distance, vfov) in [(-2.0, 60.0), (1e3, 0.5), (1e4, 0.05)] {
+        let viewport = Viewport::full(12, 9);
+        let near = f64::max(distance - 10.0, 0.1);
+        let eye = DVec3::new(0.0, 1.7, 20.0 + distance);
+        let projection = perspective(vfov, 12.0 / 9.0, near);
+        let camera = Camera::look_at(
+            eye,
+            DVec3::new(0.0, 3.0, 0.0),
+            DVec3::Y,
+            projection,
+            viewport,
+        )
+        .expect("a camera");
+        let case = Case::new(&scene, &camera, AMPLE);
+        let origin = case.senders.cloud.origin();
+        let receivers = case.shot.receivers(origin);
+        let settings = BouncedSettings {
+            directions: 16,
+            ..BouncedSettings::default()
+        };
+        let tracing = Tracing {
+            receivers: &receivers,
+            camera: &case.shot.camera,
+            origin,
+            settings: &settings,
+            sampling: Sampling::Cosine,
+            pieces: &case.senders.pieces,
+        };
+        let rays = tracing.rays();
+        let hits = tracing.hits();
+        for lamp in rays::lamps() {
+            let found = lab().colors(&case.trace(&[lamp], &settings), &settings);
+            let near_light = relative(&lamp, origin);
+            let (mut lit, mut dark) = (0, 0);
+            for ((ray, hit), found) in rays.iter().zip(&hits).zip(&found) {
+                let (Some(ray), Some(hit)) = (ray, hit) else {
+                    continue;
+                };
+                let corners = case.senders.pieces[hit.piece].corners;
+                let normal = (corners.b - corners.a)
+                    .cross(corners.c - corners.a)
+                    .normalize();
+                let place = ray.origin + ray.direction * hit.t;
+                let arrival = arrival(&near_light, place);
+                let cosine = normal.dot(arrival.to_light) * -normal.dot(ray.direction).signum();
+                // A lamp within some roundings of a surface's plane may be behind it.
+                if cosine > 1e-3 {
+                    let expected = albedo * arrival.irradiance * cosine / PI;
+                    lit += usize::from(expected.max_element() > 0.0);
+                    // Less than half: places rounded from afar move the edges of cones.
+                    let found = unpack_color(*found).max_element();
+                    dark += usize::from(found < 0.5 * expected.max_element() - 1e-3);
+                }
+            }
+            println!("{distance} {lamp:?}: {dark} of {lit}");
+            assert!(lit > 200, "{distance} {lamp:?}: {lit} lit");
+            assert!(dark <= lit / 500, "{distance} {lamp:?}: {dark} of {lit}");
+        }
+    }
+}
+
+/// What a lamp on the ceiling does not lie on still hides it: a shade 2 mm below it leaves the hall dark.
+#[test]
+fn a_shade_below_a_lamp_hides_it() {
+    let base = scenes::cornell();
+    let mut scene = rays::hall(&base);
+    let [a, b, c, d] =
+        [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, z]| DVec3::new(x, 7.998, z));
+    let shade = rays::scene_of(&[[a, b, c], [a, c, d]], &base);
+    let first = scene.positions.len() as u32;
+    scene.positions.extend(&shade.positions);
+    scene.normals.extend(&shade.normals);
+    scene
+        .indices
+        .extend(shade.indices.iter().map(|i| i + first));
+    scene.parts[0].index_count += 6;
+    let camera = Camera::look_at(
+        DVec3::new(0.0, 1.7, 18.0),
+        DVec3::new(0.0, 1.0, 0.0),
+        DVec3::Y,
+        perspective(60.0, 4.0 / 3.0, 0.1),
+        Viewport::full(16, 12),
+    )
+    .expect("a camera");
+    let case = Case::new(&scene, &camera, AMPLE);
+    let lamp = Light::Point {
+        position: DVec3::new(0.0, 8.0, 0.0),
+        intensity: [100.0; 3],
+    };
+    let settings = BouncedSettings {
+        directions: 16,
+        ..BouncedSettings::default()
+    };
+    let found = lab().colors(&case.trace(&[lamp], &settings), &settings);
+    let lit = found
+        .iter()
+        .filter(|c| unpack_color(**c).max_element() > 1e-4);
+    // Within 2 cm of the ceiling at 10 m the shade's edge lets light by.
+    let lit = lit.count();
+    println!("{lit} of {}", found.len());
+    assert!(lit <= found.len() / 200, "{lit} of {}", found.len());
+}
+
+/// A double-sided lamp turned around is as bright, and as the mirror has it; one that is not goes dark.
+#[test]
+fn double_sided_lamps_emit_from_both_sides() {
+    let settings = BouncedSettings {
+        directions: 16,
+        background: [0.0; 3],
+        ..BouncedSettings::default()
+    };
+    let mean = |double_sided: bool, turned: bool| {
+        let mut scene = scenes::cornell();
+        for material in &mut scene.materials {
+            material.double_sided = double_sided;
+        }
+        if turned {
+            for triangle in scene.indices.chunks_exact_mut(3) {
+                triangle.swap(1, 2);
+            }
+        }
+        let case = Case::new(&scene, &camera_of(&scene, 0, [32, 32]), AMPLE);
+        if double_sided {
+            case.compare("double-sided", &scene, &[], &settings);
+        }
+        let colors = lab().colors(&case.trace(&[], &settings), &settings);
+        let sum: DVec3 = colors.iter().map(|c| unpack_color(*c)).sum();
+        sum.element_sum() / colors.len() as f64
+    };
+    let [front, back, both] =
+        [(false, false), (false, true), (true, true)].map(|(a, b)| mean(a, b));
+    println!("front {front:.5}, turned {back:.5}, turned and double-sided {both:.5}");
+    assert!(front > 0.01 && back < 0.5 * front, "{front} {back}");
+    // The lamp of the box is closed: all that is seen of it is one side.
+    assert!((both / front - 1.0).abs() < 1e-3, "{front} {both}");
 }
 
 /// The picture's mean over pixels is that of the tracer within three of the error's own standard errors; and pixel by pixel

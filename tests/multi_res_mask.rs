@@ -328,9 +328,9 @@ fn sources_of_the_caller() {
         let given = |bit: u32| (chosen & 1 << bit) != 0;
         let name = format!("sources {chosen:03b}");
         let mut input = frame.input();
-        input.shading = given(0).then_some(&views[0]);
-        input.edges = given(1).then_some(&views[1]);
-        input.importance = given(2).then_some(&views[2]);
+        input.shading = given(0).then_some(views[0].texture().into());
+        input.edges = given(1).then_some(views[1].texture().into());
+        input.importance = given(2).then_some(views[2].texture().into());
         let view = record(&gpu, &pass, &input, &settings);
         check(&gpu, &view, &settings, &name);
         let mut expected = edges(&frame, &settings);
@@ -349,10 +349,10 @@ fn sources_of_the_caller() {
     let full = framed(&gpu, &camera, Format::R32Float, &image(&|_| 1.0), 0.0);
     let none = framed(&gpu, &camera, Format::R32Float, &image(&|_| 0.0), 1.0);
     let mut input = frame.input();
-    input.edges = Some(&full);
+    input.edges = Some(full.texture().into());
     let view = record(&gpu, &pass, &input, &settings);
     assert_eq!(check(&gpu, &view, &settings, "full")[0], 83 * 50);
-    input.importance = Some(&none);
+    input.importance = Some(none.texture().into());
     let view = record(&gpu, &pass, &input, &settings);
     assert_eq!(check(&gpu, &view, &settings, "none")[..3], [0; 3]);
 }
@@ -495,7 +495,7 @@ fn what_cannot_be_is_refused() {
     let mut fits = pass.create_view(device, 16, 8, false).expect("a view");
     let narrow = gpu.texture(Format::R32Float, 15, 8, &[0.0_f32; 120]);
     let mut input = frame.input();
-    input.importance = Some(&narrow);
+    input.importance = Some(narrow.texture().into());
     let other = refused(&mut fits, input);
     assert!(
         matches!(
@@ -509,7 +509,7 @@ fn what_cannot_be_is_refused() {
     );
     let integers = gpu.texture(Format::R32Uint, 16, 8, &[0_u32; 128]);
     let mut input = frame.input();
-    input.edges = Some(&integers);
+    input.edges = Some(integers.texture().into());
     let other = refused(&mut fits, input);
     assert!(
         matches!(

@@ -90,7 +90,7 @@ impl<'g> Wired<'g> {
             .expect("images");
         let mut held = [const { None }; 4];
         for level in 0..4 {
-            let Some(view) = images.level(level) else {
+            let Some(image) = images.level(level) else {
                 continue;
             };
             let [width, height] = size_of(masks.size(), level);
@@ -106,7 +106,7 @@ impl<'g> Wired<'g> {
             held[level as usize] = Some(match self.channels {
                 Channels::One => {
                     let texels: Vec<f32> = texels.iter().map(|v| v.x as f32).collect();
-                    self.fill(view, width, height, &texels);
+                    self.fill(image, width, height, &texels);
                     texels.iter().map(|&v| DVec3::splat(v.into())).collect()
                 }
                 Channels::Three => {
@@ -114,7 +114,7 @@ impl<'g> Wired<'g> {
                         .iter()
                         .map(|v| [half(v.x), half(v.y), half(v.z), 0])
                         .collect();
-                    self.fill(view, width, height, &halves);
+                    self.fill(image, width, height, &halves);
                     texels
                 }
             });
@@ -123,16 +123,10 @@ impl<'g> Wired<'g> {
     }
 
     /// A storage texture's texels, by a compute pass: it cannot be copied to.
-    fn fill<T: bytemuck::Pod>(
-        &self,
-        view: &wgpu::TextureView,
-        width: u32,
-        height: u32,
-        texels: &[T],
-    ) {
+    fn fill<T: bytemuck::Pod>(&self, image: &wgpu::Texture, width: u32, height: u32, texels: &[T]) {
         let device = &self.gpu.device;
-        let format = view.texture().format();
-        let given = self.gpu.texture(format, width, height, texels);
+        let given = self.gpu.texture(image.format(), width, height, texels);
+        let view = image.create_view(&wgpu::TextureViewDescriptor::default());
         let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,
             layout: &self.fill.get_bind_group_layout(0),
@@ -143,7 +137,7 @@ impl<'g> Wired<'g> {
                 },
                 wgpu::BindGroupEntry {
                     binding: 1,
-                    resource: wgpu::BindingResource::TextureView(view),
+                    resource: wgpu::BindingResource::TextureView(&view),
                 },
             ],
         });
@@ -172,7 +166,7 @@ impl<'g> Wired<'g> {
                     camera: &frame.camera,
                     masks,
                     images,
-                    target: &target,
+                    target: target.texture().into(),
                     timestamps: None,
                 },
                 &MultiResReconstructorSettings::default(),
@@ -291,7 +285,7 @@ fn full_and_empty_masks() {
     let settings = MultiResMaskSettings::with_levels([Some(WHOLE); 4]);
     let value = |level: u32, at: [u32; 2]| noise(level, at) / 3.0;
     let mut input = frame.input();
-    input.edges = Some(&full);
+    input.edges = Some(full.texture().into());
     let masks = record(&gpu, &wired.mask, &input, &settings);
     let (images, held) = wired.images(&masks, &settings, value);
     let found = wired.image(&frame, &masks, &images);
@@ -301,7 +295,7 @@ fn full_and_empty_masks() {
     let mut two = settings;
     (two.levels[1], two.levels[2]) = (None, None);
     let mut input = frame.input();
-    input.importance = Some(&empty);
+    input.importance = Some(empty.texture().into());
     let masks = record(&gpu, &wired.mask, &input, &two);
     let (images, held) = wired.images(&masks, &two, value);
     let found = wired.image(&frame, &masks, &images);
@@ -525,15 +519,30 @@ fn what_cannot_be_is_refused() {
             .record(device, &mut gpu.encoder(), &input, settings)
     };
     let plain = MultiResReconstructorSettings::default();
-    assert_eq!(record(&masks, &good, &target, &plain), Ok(()));
+    assert_eq!(
+        record(&masks, &good, target.texture().into(), &plain),
+        Ok(())
+    );
     for (name, refused) in [
-        ("MultiResView", record(&fresh, &good, &target, &plain)),
-        ("SubImages", record(&masks, &fewer, &target, &plain)),
-        ("SubImages", record(&masks, &narrow, &target, &plain)),
-        ("SubImages", record(&masks, &colored, &target, &plain)),
         (
-            "MultiResReconstructor",
-            record(&masks, &good, &other_format, &plain),
+            "MultiResView",
+            record(&fresh, &good, target.texture().into(), &plain),
+        ),
+        (
+            "SubImages",
+            record(&masks, &fewer, target.texture().into(), &plain),
+        ),
+        (
+            "SubImages",
+            record(&masks, &narrow, target.texture().into(), &plain),
+        ),
+        (
+            "SubImages",
+            record(&masks, &colored, target.texture().into(), &plain),
+        ),
+        (
+            "MultiResReconstructorInput::target",
+            record(&masks, &good, other_format.texture().into(), &plain),
         ),
     ] {
         assert!(
@@ -541,7 +550,7 @@ fn what_cannot_be_is_refused() {
             "{name}: {refused:?}"
         );
     }
-    let refused = record(&masks, &good, &small, &plain);
+    let refused = record(&masks, &good, small.texture().into(), &plain);
     assert!(matches!(refused, Err(Error::Size { .. })), "{refused:?}");
     for bad in [
         MultiResReconstructorSettings {
@@ -553,7 +562,7 @@ fn what_cannot_be_is_refused() {
             ..plain
         },
     ] {
-        let refused = record(&masks, &good, &target, &bad);
+        let refused = record(&masks, &good, target.texture().into(), &bad);
         assert!(matches!(refused, Err(Error::Setting { .. })), "{refused:?}");
     }
 }

@@ -91,7 +91,7 @@ impl Passes {
             camera,
             moments: None,
             work: None,
-            target: &open,
+            target: open.texture().into(),
             timestamps: None,
         };
         let settings = ObscuranceSettings {
@@ -107,9 +107,9 @@ impl Passes {
             gbuffer,
             camera,
             light: &world.light,
-            map: ShadowMap::new(&world.map, std::slice::from_ref(&world.map_camera)),
+            map: ShadowMap::new(world.map.texture(), std::slice::from_ref(&world.map_camera)),
             work: None,
-            target: &visible,
+            target: visible.texture().into(),
             timestamps: None,
         };
         let settings = SoftShadowsSettings {
@@ -127,9 +127,9 @@ impl Passes {
         let input = ScreenSpaceGiInput {
             gbuffer,
             camera,
-            lit: &lit,
+            lit: lit.texture().into(),
             work: None,
-            target: &indirect,
+            target: indirect.texture().into(),
             timestamps: None,
         };
         let settings = ScreenSpaceGiSettings {
@@ -155,7 +155,7 @@ impl Passes {
             origin: camera.eye(),
             gather: Some(&lights),
             roughness: None,
-            target: &gathered,
+            target: gathered.texture().into(),
             timestamps: None,
         };
         self.hull
@@ -260,10 +260,7 @@ fn world(gpu: &Gpu, projection: DMat4, size: [u32; 2], scale: f64, place: DVec3)
     World {
         frame: cast(&camera, DVec3::ZERO),
         scale,
-        map: map.texture().create_view(&wgpu::TextureViewDescriptor {
-            dimension: Some(wgpu::TextureViewDimension::D2Array),
-            ..Default::default()
-        }),
+        map,
         map_camera,
         light: Light::Point {
             position: place + scale * lamp,
@@ -408,10 +405,7 @@ fn garbage_gives_numbers() {
                 world.frame = Frame::new(gpu, &camera, Format::R32Float, depth, normals);
                 let texels: Vec<f32> = (0..MAP * MAP).map(|i| pick(i, 4)).collect();
                 let map = framed(gpu, &world.map_camera, Format::R32Float, &texels, 0.0);
-                world.map = map.texture().create_view(&wgpu::TextureViewDescriptor {
-                    dimension: Some(wgpu::TextureViewDimension::D2Array),
-                    ..Default::default()
-                });
+                world.map = map;
                 let lit = |i: u32| [5, 6, 7, 8].map(|k| pick(i, k));
                 for (name, image) in passes.render(&world, lit) {
                     let bad = image

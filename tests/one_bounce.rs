@@ -216,6 +216,24 @@ fn emission_comes_from_the_front() {
     }
 }
 
+/// And its back as much where it is double-sided.
+#[test]
+fn double_sided_emission_comes_from_both() {
+    let lamp = Material {
+        double_sided: 1,
+        ..material([0.3; 3], [PI as f32, 2.0, 1e6])
+    };
+    for side in [DVec3::NEG_Y, DVec3::Y] {
+        let mut mesh = Mesh::default();
+        mesh.disk(DVec3::Y, 1.0, side, lamp);
+        let expected = DVec3::from(lamp.emission.map(f64::from)) / PI * 0.5;
+        let found = mesh
+            .tracer()
+            .one_bounce(&facing(DVec3::Y), &mesh.materials, &[], MANY, 1);
+        assert_estimates(found, expected, &format!("front to {side}"));
+    }
+}
+
 /// The sun shines up onto a disk overhead, or down onto it: only the side that the receiver sees counts, front or back.
 #[test]
 fn the_side_that_is_seen_is_the_one_that_is_lit() {

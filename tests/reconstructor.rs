@@ -174,11 +174,11 @@ impl Scene {
 
     fn gbuffer(&self) -> GBuffer<'_> {
         GBuffer {
-            depth: &self.depth,
-            normal: &self.normal,
+            depth: self.depth.texture().into(),
+            normal: self.normal.texture().into(),
             normal_encoding: NormalEncoding::Signed,
             normal_space: NormalSpace::World,
-            albedo: Some(&self.albedo),
+            albedo: Some(self.albedo.texture().into()),
         }
     }
 }
@@ -266,7 +266,7 @@ impl Summed<'_> {
             cloud: &self.wired.passes.cloud,
             sums: &self.view,
             levels: self.levels,
-            target,
+            target: target.texture().into(),
             sub_image: None,
             timestamps: None,
         }
@@ -931,7 +931,7 @@ fn what_does_not_fit_is_refused() {
     let with = |texture: wgpu::Texture| {
         let target = texture.create_view(&wgpu::TextureViewDescriptor::default());
         let input = ReconstructorInput {
-            target: &target,
+            target: target.texture().into(),
             ..good
         };
         record(&input, &standard, &scratch)
@@ -940,19 +940,14 @@ fn what_does_not_fit_is_refused() {
     let format = Format::R32Float;
     with(texture(&gpu, format, size, attachment)).expect("it fits");
     let other = texture(&gpu, Format::R16Float, size, attachment);
-    refused(with(other), "Mismatch", "Reconstructor", "R16Float");
+    refused(with(other), "Mismatch", name, "R16Float");
     let unusable = texture(&gpu, format, size, TextureUsages::TEXTURE_BINDING);
     refused(with(unusable), "Usage", name, "RENDER_ATTACHMENT");
     let small = texture(&gpu, format, [8, 5], attachment);
     refused(with(small), "Size", name, "at least 8x6");
     let mut array = descriptor(format, size, attachment);
     array.size.depth_or_array_layers = 2;
-    refused(
-        with(device.create_texture(&array)),
-        "Shape",
-        name,
-        "one layer",
-    );
+    with(device.create_texture(&array)).expect("the first layer of an array");
     let mut multisampled = descriptor(Format::Rgba8Unorm, size, attachment);
     multisampled.sample_count = 4;
     refused(

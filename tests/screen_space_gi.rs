@@ -56,9 +56,9 @@ impl Lit {
         ScreenSpaceGiInput {
             gbuffer: self.frame.gbuffer(),
             camera: &self.frame.camera,
-            lit: &self.view,
+            lit: self.view.texture().into(),
             work,
-            target,
+            target: target.texture().into(),
             timestamps: None,
         }
     }

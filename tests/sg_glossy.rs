@@ -118,8 +118,8 @@ impl Job<'_> {
             camera,
             origin: camera.eye(),
             gather: Some(&gather),
-            roughness: self.roughness,
-            target: &target,
+            roughness: self.roughness.map(|view| view.texture().into()),
+            target: target.texture().into(),
             timestamps: None,
         };
         let mut encoder = gpu.encoder();
@@ -375,7 +375,7 @@ fn a_directional_light_has_its_closed_value() {
             let job = Job {
                 shot: &shot,
                 gbuffer: GBuffer {
-                    albedo: Some(&albedo),
+                    albedo: Some(albedo.texture().into()),
                     ..shot.gbuffer()
                 },
                 lights: &lights,
@@ -413,7 +413,7 @@ fn uniform_light_is_not_exceeded() {
             let job = Job {
                 shot: &shot,
                 gbuffer: GBuffer {
-                    albedo: Some(&albedo),
+                    albedo: Some(albedo.texture().into()),
                     ..shot.gbuffer()
                 },
                 lights: &lights,
@@ -717,30 +717,46 @@ fn what_does_not_fit_is_refused() {
             origin: shot.camera.eye(),
             gather: Some(&gather),
             roughness,
-            target: &target,
+            target: target.texture().into(),
             timestamps: None,
         };
         let encoder = &mut gpu.encoder();
         hull.record_exact(device, encoder, &input, settings, &view)?;
         hull.record(device, encoder, &input, settings, &view)
     };
-    record(true, Some(&good), &settings).expect("it fits");
+    record(true, Some(good.texture().into()), &settings).expect("it fits");
     let name = "SgHullInput::roughness";
     refused(record(true, None, &settings), "Mismatch", name);
     let by = "SgHullDescriptor::glossy";
     refused(record(true, None, &settings), "Mismatch", by);
     // One that is not needed is not read, but is looked at.
-    record(false, Some(&good), &settings).expect("it fits");
+    record(false, Some(good.texture().into()), &settings).expect("it fits");
     for glossy in [false, true] {
-        refused(record(glossy, Some(&whole), &settings), "Format", name);
-        refused(record(glossy, Some(&small), &settings), "Size", name);
-        refused(record(glossy, Some(&unbound), &settings), "Usage", name);
+        refused(
+            record(glossy, Some(whole.texture().into()), &settings),
+            "Format",
+            name,
+        );
+        refused(
+            record(glossy, Some(small.texture().into()), &settings),
+            "Size",
+            name,
+        );
+        refused(
+            record(glossy, Some(unbound.texture().into()), &settings),
+            "Usage",
+            name,
+        );
     }
     for channel in [-0.1, 1.1, f32::NAN] {
         let settings = SgHullSettings {
             f0: [0.0, channel, 1.0],
             ..settings
         };
-        refused(record(true, Some(&good), &settings), "Setting", "::f0");
+        refused(
+            record(true, Some(good.texture().into()), &settings),
+            "Setting",
+            "::f0",
+        );
     }
 }

@@ -12,8 +12,9 @@ use std::{
 };
 
 use deep_screen_space::{
-    Camera, Components, Error, Gatherer, HullSegment, HullVertex, Light, PolygonLight, SgHull,
-    SgHullCounts, SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize, SgHullView, Viewport,
+    Camera, Components, Error, Gatherer, GathererBinding, HullSegment, HullVertex, Light,
+    PolygonLight, SgHull, SgHullCounts, SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize,
+    SgHullView, Viewport,
     glam::{DMat4, DVec3, DVec4},
     reference::{
         packing::unpack_normal,
@@ -101,7 +102,7 @@ fn record(
     gpu: &Gpu,
     hull: &SgHull,
     shot: &Shot,
-    gather: &wgpu::BindGroup,
+    gather: &GathererBinding,
     settings: &SgHullSettings,
     size: SgHullSize,
 ) -> Recorded {
@@ -118,7 +119,7 @@ fn record(
         origin: shot.camera.eye(),
         gather: Some(gather),
         roughness: None,
-        target: &target,
+        target: target.texture().into(),
         timestamps: None,
     };
     hull.record(device, &mut encoder, &input, settings, &view)
@@ -800,7 +801,7 @@ impl Stage {
         }
     }
 
-    fn renderer(&self, size: SgHullSize) -> (HullRenderer, wgpu::BindGroup) {
+    fn renderer(&self, size: SgHullSize) -> (HullRenderer, GathererBinding) {
         let renderer = HullRenderer::new(&self.gpu, size, Components::default()).expect("it fits");
         let lights = renderer
             .lights(&self.gpu, &self.buffers, &self.lamp, self.camera.eye())
@@ -811,13 +812,13 @@ impl Stage {
     fn picture(
         &self,
         renderer: &HullRenderer,
-        lights: &wgpu::BindGroup,
+        lights: &GathererBinding,
     ) -> (Picture, SgHullCounts) {
         let rendered = renderer.render(&self.gpu, &self.raster, &self.camera, lights);
         (rendered.expect("a picture").1, renderer.counts(&self.gpu))
     }
 
-    fn truth(&self, renderer: &HullRenderer, lights: &wgpu::BindGroup) -> Picture {
+    fn truth(&self, renderer: &HullRenderer, lights: &GathererBinding) -> Picture {
         let rendered = renderer.render_exact(&self.gpu, &self.raster, &self.camera, lights);
         rendered.expect("a picture").1
     }
@@ -948,8 +949,8 @@ fn polygons_have_their_form_factor() {
     let target = gpu.target(FORMAT, 32, 32);
     let input = SgHullInput {
         gbuffer: deep_screen_space::GBuffer {
-            depth: &depth,
-            normal: &normal,
+            depth: depth.texture().into(),
+            normal: normal.texture().into(),
             normal_encoding: deep_screen_space::NormalEncoding::Signed,
             normal_space: deep_screen_space::NormalSpace::World,
             albedo: None,
@@ -958,7 +959,7 @@ fn polygons_have_their_form_factor() {
         origin: camera.eye(),
         gather: Some(&gather),
         roughness: None,
-        target: &target,
+        target: target.texture().into(),
         timestamps: None,
     };
     // Four quarters: F = 2 / π · a/√(1+a²) · atan(a/√(1+a²)) each of side a = 1 at height 1, over four of them.
@@ -1051,7 +1052,7 @@ fn what_does_not_fit_is_refused() {
         origin: shot.camera.eye(),
         gather: Some(&gather),
         roughness: None,
-        target: &target,
+        target: target.texture().into(),
         timestamps: None,
     };
     let settings = SgHullSettings::default();
@@ -1064,7 +1065,7 @@ fn what_does_not_fit_is_refused() {
     };
     refused(record(&input), "Mismatch", "SgHullInput::gather");
     let input = SgHullInput {
-        target: &other,
+        target: other.texture().into(),
         ..good
     };
     refused(record(&input), "Mismatch", "Rgba16Float");

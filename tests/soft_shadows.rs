@@ -24,7 +24,7 @@ fn gpu() -> Gpu {
 
 /// A shadow map by rays: a layer a camera, all of one size.
 struct Map {
-    view: wgpu::TextureView,
+    texture: wgpu::Texture,
     cameras: Vec<Camera>,
     layers: Vec<Vec<f32>>,
     side: u32,
@@ -73,10 +73,7 @@ impl Map {
             );
         }
         Self {
-            view: texture.create_view(&wgpu::TextureViewDescriptor {
-                dimension: Some(wgpu::TextureViewDimension::D2Array),
-                ..Default::default()
-            }),
+            texture,
             cameras,
             layers,
             side,
@@ -104,7 +101,7 @@ impl Map {
     }
 
     fn map(&self) -> ShadowMap<'_> {
-        ShadowMap::new(&self.view, &self.cameras)
+        ShadowMap::new(&self.texture, &self.cameras)
     }
 
     fn mirror<'a>(
@@ -172,7 +169,7 @@ fn input<'a>(
         light,
         map: map.map(),
         work,
-        target,
+        target: target.texture().into(),
         timestamps: None,
     }
 }

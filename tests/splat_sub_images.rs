@@ -109,7 +109,7 @@ impl<'a> Splats<'a> {
         &self,
         encoder: &mut wgpu::CommandEncoder,
         work: Option<WorkList<'_>>,
-        target: &TextureView,
+        target: &wgpu::Texture,
     ) -> Result<(), Error> {
         let device = &self.gpu.device;
         let sub_image = work.as_ref().map_or(0, |work| work.level);
@@ -139,7 +139,7 @@ impl<'a> Splats<'a> {
             levels,
             // From the corner, wherever the viewport is.
             sub_image: Some(sub_image),
-            target,
+            target: target.into(),
             timestamps: None,
         };
         let settings = ReconstructorSettings::default();
@@ -183,7 +183,9 @@ fn listed_pixels_are_those_of_the_whole_image() {
         let splats = Splats::new(&gpu, &shot, &tinted(), settings);
         let frame = Frame::of_shot(&gpu, &shot);
         check_work(&gpu, &frame, Format::R32Float, |encoder, work, target| {
-            splats.record(encoder, work, target).expect("an image");
+            splats
+                .record(encoder, work, target.texture())
+                .expect("an image");
         });
     }
 }
@@ -217,7 +219,9 @@ fn sub_images_blend_to_the_whole_image() {
         .create_images(device, width, height, &mask_settings)
         .expect("images");
     let mut encoder = gpu.encoder();
-    splats.record(&mut encoder, None, &whole).expect("an image");
+    splats
+        .record(&mut encoder, None, whole.texture())
+        .expect("an image");
     for work in masks.works() {
         let target = images.level(work.level).expect("a level");
         splats
@@ -229,7 +233,7 @@ fn sub_images_blend_to_the_whole_image() {
         camera: &shot.camera,
         masks: &masks,
         images: &images,
-        target: &blended,
+        target: blended.texture().into(),
         timestamps: None,
     };
     blend
@@ -271,7 +275,7 @@ fn what_does_not_fit_is_refused() {
     let work = masks.work(1).expect("a level");
     let refusal = |work: WorkList<'_>, target: [u32; 2]| {
         let target = gpu.target(Format::R32Float, target[0], target[1]);
-        let refused = splats.record(&mut gpu.encoder(), Some(work), &target);
+        let refused = splats.record(&mut gpu.encoder(), Some(work), target.texture());
         refused.expect_err("it does not fit").to_string()
     };
     let beyond = refusal(WorkList { level: 4, ..work }, [16, 12]);

@@ -164,8 +164,8 @@ impl Shot {
 
     fn gbuffer(&self) -> GBuffer<'_> {
         GBuffer {
-            depth: &self.depth,
-            normal: &self.normal,
+            depth: self.depth.texture().into(),
+            normal: self.normal.texture().into(),
             normal_encoding: NormalEncoding::Signed,
             normal_space: NormalSpace::World,
             albedo: None,
@@ -324,9 +324,11 @@ impl<'g> Rig<'g> {
             gbuffer: shot.gbuffer(),
             camera: &shot.camera,
             previous_camera: &previous,
-            motion: motion_view.as_ref().map(MotionVectors::uv),
-            picture: &picture,
-            target: &target,
+            motion: motion_view
+                .as_ref()
+                .map(|view| MotionVectors::uv(view.texture())),
+            picture: picture.texture().into(),
+            target: target.texture().into(),
             reset: frame.reset,
             timestamps: None,
         };
@@ -1295,9 +1297,12 @@ fn vectors_in_other_units_are_scaled() {
             gbuffer: shot.gbuffer(),
             camera: &shot.camera,
             previous_camera: &shot.camera,
-            motion: Some(MotionVectors { view: &view, scale }),
-            picture: &nothing,
-            target: &target,
+            motion: Some(MotionVectors {
+                texture: view.texture().into(),
+                scale,
+            }),
+            picture: nothing.texture().into(),
+            target: target.texture().into(),
             reset: false,
             timestamps: None,
         };
@@ -1386,8 +1391,8 @@ fn the_picture_may_be_the_target() {
             camera: &shot.camera,
             previous_camera: &shot.camera,
             motion: None,
-            picture: &target,
-            target: &target,
+            picture: target.texture().into(),
+            target: target.texture().into(),
             reset: false,
             timestamps: None,
         };
@@ -1575,8 +1580,8 @@ fn what_does_not_fit_is_refused() {
         camera: &shot.camera,
         previous_camera: &shot.camera,
         motion: None,
-        picture: &picture,
-        target: &target,
+        picture: picture.texture().into(),
+        target: target.texture().into(),
         reset: false,
         timestamps: None,
     };
@@ -1613,7 +1618,7 @@ fn what_does_not_fit_is_refused() {
         let picture = plain(format, size, usage);
         refused(
             record(&TemporalInput {
-                picture: &picture,
+                picture: picture.texture().into(),
                 ..good
             }),
             kind,
@@ -1628,7 +1633,7 @@ fn what_does_not_fit_is_refused() {
             attachment,
             size,
             "Mismatch",
-            "TemporalAccumulator",
+            name,
             "R16Float",
         ),
         (
@@ -1651,7 +1656,7 @@ fn what_does_not_fit_is_refused() {
         let target = plain(format, size, usage);
         refused(
             record(&TemporalInput {
-                target: &target,
+                target: target.texture().into(),
                 ..good
             }),
             kind,
@@ -1661,25 +1666,15 @@ fn what_does_not_fit_is_refused() {
     }
     let mut array = descriptor(Format::R8Unorm, size, attachment);
     array.size.depth_or_array_layers = 2;
-    let array = device
-        .create_texture(&array)
-        .create_view(&wgpu::TextureViewDescriptor {
-            dimension: Some(wgpu::TextureViewDimension::D2),
-            array_layer_count: Some(1),
-            ..Default::default()
-        });
-    refused(
-        record(&TemporalInput {
-            target: &array,
-            ..good
-        }),
-        "Shape",
-        name,
-        "one layer",
-    );
+    let array = device.create_texture(&array);
+    record(&TemporalInput {
+        target: (&array).into(),
+        ..good
+    })
+    .expect("the first layer of an array");
 
     // Motion vectors.
-    let name = "MotionVectors::view";
+    let name = "MotionVectors::texture";
     for (format, usage, size, kind, accepted) in [
         (Format::R32Float, binding, size, "Format", "two components"),
         (Format::Rg32Uint, binding, size, "Format", "a float"),
@@ -1693,7 +1688,7 @@ fn what_does_not_fit_is_refused() {
         (Format::Rg16Float, binding, [4, 6], "Size", "at least 8x6"),
     ] {
         let vectors = plain(format, size, usage);
-        let motion = Some(MotionVectors::uv(&vectors));
+        let motion = Some(MotionVectors::uv(vectors.texture()));
         refused(
             record(&TemporalInput { motion, ..good }),
             kind,
@@ -1704,7 +1699,7 @@ fn what_does_not_fit_is_refused() {
     let vectors = plain(Format::Rg16Float, size, binding);
     for bad in [0.0, f32::NAN, f32::INFINITY] {
         let motion = Some(MotionVectors {
-            view: &vectors,
+            texture: vectors.texture().into(),
             scale: [1.0, bad],
         });
         refused(
@@ -1737,7 +1732,7 @@ fn what_does_not_fit_is_refused() {
         "[7, 6]",
     );
     let mut input = good;
-    input.gbuffer.depth = &picture;
+    input.gbuffer.depth = picture.texture().into();
     refused(record(&input), "Format", "GBuffer::depth", "a depth format");
     let standard = TemporalSettings::default();
     let zero = TemporalSettings {
@@ -1763,7 +1758,7 @@ fn what_does_not_fit_is_refused() {
             device,
             &mut encoder,
             &TemporalInput {
-                picture: &narrow,
+                picture: narrow.texture().into(),
                 ..good
             },
             &standard,

@@ -189,7 +189,7 @@ fn recordings_from_surfels_write_their_times() {
         cloud: &cloud,
         sums: &sums,
         levels: 5,
-        target: &target,
+        target: target.texture().into(),
         sub_image: None,
         timestamps: Some(times.stamps(3)),
     };
@@ -212,8 +212,8 @@ fn recordings_from_surfels_write_their_times() {
         camera: &shot.camera,
         previous_camera: &shot.camera,
         motion: None,
-        picture: &target,
-        target: &target,
+        picture: target.texture().into(),
+        target: target.texture().into(),
         reset: false,
         timestamps: Some(times.stamps(5)),
     };
@@ -256,7 +256,7 @@ fn recordings_from_surfels_write_their_times() {
         cloud: &cloud,
         hits: &hits,
         traced: &traced,
-        target: &target,
+        target: target.texture().into(),
         timestamps: Some(times.stamps(8)),
         roughness: None,
     };
@@ -319,7 +319,7 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
         camera: &camera,
         moments: Some(&moments),
         work: None,
-        target: &target,
+        target: target.texture().into(),
         timestamps: Some(times.stamps(2)),
     };
     obscurance
@@ -340,17 +340,13 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
     .expect("a camera");
     let cameras = [above];
     let layer = gpu.texture(format, 1, 1, &[1.0_f32]);
-    let map = layer.texture().create_view(&wgpu::TextureViewDescriptor {
-        dimension: Some(wgpu::TextureViewDimension::D2Array),
-        ..Default::default()
-    });
     let input = SoftShadowsInput {
         gbuffer,
         camera: &camera,
         light: &light,
-        map: ShadowMap::new(&map, &cameras),
+        map: ShadowMap::new(layer.texture(), &cameras),
         work: None,
-        target: &target,
+        target: target.texture().into(),
         timestamps: Some(times.stamps(3)),
     };
     SoftShadows::new(device, None)
@@ -368,9 +364,9 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
     let input = ScreenSpaceGiInput {
         gbuffer,
         camera: &camera,
-        lit: &shot.albedo,
+        lit: shot.albedo.texture().into(),
         work: None,
-        target: &light_of,
+        target: light_of.texture().into(),
         timestamps: Some(times.stamps(4)),
     };
     ScreenSpaceGi::new(device, None)
@@ -393,7 +389,7 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
         camera: &camera,
         masks: &masks,
         images: &images,
-        target: &picture,
+        target: picture.texture().into(),
         timestamps: Some(times.stamps(5)),
     };
     blend
@@ -442,7 +438,7 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
         origin: camera.eye(),
         gather: Some(&gather),
         roughness: None,
-        target: &target,
+        target: target.texture().into(),
         timestamps: Some(times.stamps(7)),
     };
     hull.record(

@@ -5,6 +5,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
+use deep_screen_space::Light;
 use deep_screen_space::reference::trace::{Estimate, Hit, Receiver, TraceError, Tracer};
 use deep_screen_space::scenes::{self, Scene, View};
 use glam::{DVec2, DVec3, Vec3};
@@ -181,7 +182,6 @@ fn wall() {
             .tracer()
             .ambient_occlusion(&receiver, f64::INFINITY, MANY, 2);
         let inputs = format!("distance {distance}, height {height}, half width {half_width}");
-        // The step off the ground, 1e-6 of the scene, is not small beside the first distance.
         assert_estimates(estimate, expected, &inputs);
         if height > 100.0 {
             assert!(
@@ -190,6 +190,77 @@ fn wall() {
             );
         }
     }
+}
+
+/// A wall of a quarter on ground of a million, and far from the origin, where positions have a grid of an eighth. Neither
+/// changes what a receiver sees, whether its position is exact or was rounded to f32; nor the light of a lamp on the wall.
+#[test]
+fn detail_survives_large_grounds_and_far_places() {
+    let (distance, height, half_width) = (0.25, 0.25, 0.5);
+    let expected = 1.0 - wall_factor(distance, height, half_width);
+    for (place, half) in [
+        (DVec3::ZERO, 5.0),
+        (DVec3::ZERO, 1e6),
+        (DVec3::new(2e6, 0.0, -1e6), 5.0),
+        (DVec3::new(-2e6, 2e6, 2e6), 8.0),
+        (DVec3::new(1e6, -1e6, 1e6), 1e6),
+    ] {
+        let mut mesh = Mesh::default();
+        mesh.ground(place, half);
+        mesh.parallelogram(
+            place - DVec3::X * half_width,
+            DVec3::X * 2.0 * half_width,
+            DVec3::Y * height,
+        );
+        let tracer = mesh.tracer();
+        let exact = place + DVec3::Z * distance;
+        // As far off as the tree of a room here may be asked to bear.
+        let rounded = exact + DVec3::Y * 1e-7 * (place.abs().max_element() + 1.0);
+        for (position, side) in [(exact, 0.0), (rounded, 1.0), (2.0 * exact - rounded, -1.0)] {
+            let inputs = format!("ground of {half} at {place}, {side} roundings off it");
+            let estimate =
+                tracer.ambient_occlusion(&on_ground(position), f64::INFINITY, MANY / 4, 3);
+            assert_estimates(estimate, expected, &inputs);
+            if side != 0.0 {
+                continue;
+            }
+            let lamp = place + DVec3::Y * 0.125;
+            let light = Light::Point {
+                position: lamp,
+                intensity: [1.0; 3],
+            };
+            let lit = tracer.direct(position, DVec3::Y, DVec3::splat(PI), &[light]);
+            let to_lamp = lamp - position;
+            let irradiance = to_lamp.y / to_lamp.length().powi(3);
+            assert!(
+                (lit.x - irradiance).abs() <= 1e-9 * irradiance,
+                "{inputs}: {lit} for {irradiance}"
+            );
+            // Behind the wall the ground is dark.
+            let behind = position - 2.0 * DVec3::Z * distance;
+            let front = Light::Point {
+                position: lamp + DVec3::Z * 0.25,
+                intensity: [1.0; 3],
+            };
+            let dark = tracer.direct(behind, DVec3::Y, DVec3::ONE, &[front]);
+            assert_eq!(dark, DVec3::ZERO, "{inputs}");
+        }
+    }
+}
+
+/// Small triangles on a ground that is much larger have a tree of their own.
+#[test]
+fn first_hit_holds_on_a_large_ground() {
+    let mut random = Random(5);
+    let mut mesh = Mesh::default();
+    mesh.ground(DVec3::Y * -0.5, 1e5);
+    for _ in 0..300 {
+        let centre = random.in_cube();
+        let mut corner = || centre + random.in_cube() * 0.1;
+        mesh.triangle([corner(), corner(), corner()]);
+    }
+    mesh.ground(DVec3::Y * -1e3, 1e4);
+    assert_same_hits((&mesh.positions, &mesh.indices), 4_000, 6, 1.0);
 }
 
 /// F = (r/d)² cos(theta) for a sphere wholly above the horizon: Howell B-39. The last one touches

@@ -243,23 +243,23 @@ fn record(
         pass.record_moments(
             &gpu.device,
             &mut encoder,
-            depth,
+            depth.texture().into(),
             &shot.camera,
             moments,
             None,
         )?;
     }
     let input = ObscuranceInput {
-        depth,
+        depth: depth.texture().into(),
         normals: Some(Normals {
-            view: normal,
+            texture: normal.texture().into(),
             encoding: NormalEncoding::Signed,
             space: NormalSpace::World,
         }),
         camera: &shot.camera,
         moments,
         work: None,
-        target: &target.create_view(&wgpu::TextureViewDescriptor::default()),
+        target: target.into(),
         timestamps: None,
     };
     pass.record(&gpu.device, &mut encoder, &input, settings)?;
@@ -377,7 +377,7 @@ fn moments_agree_with_their_mirror() {
     pass.record_moments(
         &gpu.device,
         &mut encoder,
-        &depth,
+        depth.texture().into(),
         &shot.camera,
         &moments,
         None,
@@ -915,12 +915,12 @@ fn list_of(gpu: &Gpu, shot: &Shot, case: &Case) {
             dispatch: &dispatch,
         };
         let input = ObscuranceInput {
-            depth: &depth,
+            depth: depth.texture().into(),
             normals: None,
             camera: &shot.camera,
             moments: moments.as_ref(),
             work: Some(work),
-            target: &texture.create_view(&wgpu::TextureViewDescriptor::default()),
+            target: (&texture).into(),
             timestamps: None,
         };
         let mut encoder = gpu.encoder();
@@ -928,7 +928,7 @@ fn list_of(gpu: &Gpu, shot: &Shot, case: &Case) {
             pass.record_moments(
                 &gpu.device,
                 &mut encoder,
-                &depth,
+                depth.texture().into(),
                 &shot.camera,
                 moments,
                 None,
@@ -1009,12 +1009,12 @@ fn what_cannot_be_honoured_is_refused() {
             settings: plain,
         };
         let input = ObscuranceInput {
-            depth: &depth,
+            depth: depth.texture().into(),
             normals: None,
             camera: &shot.camera,
             moments,
             work: None,
-            target: &texture.create_view(&wgpu::TextureViewDescriptor::default()),
+            target: texture.into(),
             timestamps: None,
         };
         let mut encoder = gpu.encoder();

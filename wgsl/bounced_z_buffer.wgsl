@@ -146,11 +146,11 @@ fn incoming(ray: Ray, hit: Hit) -> vec3f {
     let arrival = light_at(lights.lights[i], place);
     let cosine = dot(side, arrival.to_light);
     if cosine > 0.0 {
-      irradiance += arrival.irradiance * (cosine * unshadowed(point, arrival));
+      irradiance += arrival.irradiance * (cosine * unshadowed(point, lights.lights[i]));
     }
   }
   let material = materials[min(piece.material, arrayLength(&materials) - 1u)];
-  let own = select(vec3f(0.0), sound(material.emission), facing);
+  let own = own_radiosity(material, facing);
   return min((own + sound(material.albedo) * irradiance) / PI, vec3f(BRIGHTEST));
 #else
 #if SENDER_DISKS

@@ -48,7 +48,7 @@ struct Params {
 @group(0) @binding(7) var<uniform> shadow: Shadow;
 @group(0) @binding(8) var depth_map: texture_2d_array<f32>;
 
-fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {
+fn lit(point: vec3f, side: vec3f) -> f32 {
   return select(1.0, 0.0, is_hidden(look_up(point, side)));
 }
 #else
@@ -59,11 +59,11 @@ fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {
 #import bvh_traverse
 #import shadow_ray
 
-fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {
-  return unshadowed(point + side * rounding(point), arrival);
+fn lit(point: vec3f, side: vec3f) -> f32 {
+  return unshadowed(point + side * rounding(point), params.light);
 }
 #else
-fn lit(point: vec3f, side: vec3f, arrival: Arrival) -> f32 {
+fn lit(point: vec3f, side: vec3f) -> f32 {
   return 1.0;
 }
 #endif
@@ -80,7 +80,8 @@ fn shade(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_inde
   var front = vec3f(0.0);
   var back = vec3f(0.0);
   if params.first != 0u {
-    front = sound(material.emission) / PI;
+    front = own_radiosity(material, true) / PI;
+    back = own_radiosity(material, false) / PI;
   } else {
     front = radiance[i].front;
     back = radiance[i].back;
@@ -103,7 +104,7 @@ fn shade(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_inde
       if cosine != 0.0 {
         let is_front = cosine > 0.0;
         let side = select(-normal, normal, is_front);
-        let irradiance = arrival.irradiance * (abs(cosine) * lit(point, side, arrival));
+        let irradiance = arrival.irradiance * (abs(cosine) * lit(point, side));
         to_front += select(vec3f(0.0), irradiance, is_front);
         to_back += select(irradiance, vec3f(0.0), is_front);
       }

@@ -146,6 +146,7 @@ impl<'g> Set<'g> {
             materials: vec![Material {
                 albedo: [0.5; 3],
                 emission: [0.0; 3],
+                double_sided: false,
             }],
             views: Vec::new(),
             ao_radius: RADIUS as f32,

@@ -28,9 +28,9 @@ use deep_screen_space::{
 use methods::Rendered;
 use support::{
     arguments, files,
+    gltf::{Loaded, load_gltf},
     gpu::{Ask, Gpu},
     presets,
-    scene::load_gltf,
 };
 
 /// Ambient occlusion or indirect light of a scene, with all that is hidden or off screen.
@@ -42,7 +42,7 @@ struct Options {
     /// A JSON file of cameras by scene, each with name, eye, target, up, `vfov_deg`, near, width, height and light.
     #[arg(long)]
     cameras: Option<PathBuf>,
-    /// Which camera of the file, or which view of the crate's scene.
+    /// Which camera of the file of cameras or else of the glTF file, or which view of the crate's scene.
     #[arg(long)]
     camera: Option<String>,
     /// The eye, x,y,z.
@@ -120,14 +120,20 @@ fn main() -> ExitCode {
 }
 
 fn run(options: &Options) -> Result<(), String> {
-    let scene = match options.scene.as_deref() {
-        None => scenes::by_name("colonnade").ok_or("the colonnade is missing")?,
+    let loaded: Loaded = match options.scene.as_deref() {
+        None => scenes::by_name("colonnade")
+            .ok_or("the colonnade is missing")?
+            .into(),
         Some(name) => match scenes::by_name(name) {
-            Some(scene) => scene,
+            Some(scene) => scene.into(),
             None => load_gltf(name.as_ref())?,
         },
     };
-    let shot = view::choose(options, &scene)?;
+    for note in &loaded.notes {
+        eprintln!("render: {note}");
+    }
+    let shot = view::choose(options, &loaded)?;
+    let scene = loaded.scene;
     let radius = if options.gi() {
         f32::INFINITY
     } else {

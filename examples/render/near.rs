@@ -55,7 +55,6 @@ pub fn obscurance(
     };
     let pass = VolumetricObscurance::new(&gpu.device, &descriptor).map_err(|e| e.to_string())?;
     let target = target(gpu, shot);
-    let view = target.create_view(&wgpu::TextureViewDescriptor::default());
     let gbuffer = raster.gbuffer();
     let input = ObscuranceInput {
         depth: gbuffer.depth,
@@ -63,7 +62,7 @@ pub fn obscurance(
         camera: &camera,
         moments: None,
         work: None,
-        target: &view,
+        target: (&target).into(),
         timestamps: None,
     };
     let render = || -> Result<f64, Error> {
@@ -138,11 +137,12 @@ pub fn of_pixels(
     let what = (effect, effect.samples());
     let full = gpu.storage(effect.format(), size[0], size[1]);
     let of_all = || {
-        let (ms, done) = gpu.time(|encoder| passes.record(&stage, encoder, what, None, &full));
+        let (ms, done) =
+            gpu.time(|encoder| passes.record(&stage, encoder, what, None, full.texture()));
         done.map(|()| ms)
     };
     let full_ms = twice(of_all, |ms| *ms)?;
-    let image = read_image(gpu, &full);
+    let image = read_image(gpu, full.texture());
     let samples = effect.samples();
     let reach = stage.reach;
     if !options.multires {
@@ -171,7 +171,7 @@ pub fn of_pixels(
     let times = twice(of_parts, |times| times.iter().map(|t| t.1).sum())?;
     let computed: u32 = masked.counts(gpu).iter().sum();
     let share = f64::from(computed) / f64::from(size[0] * size[1]);
-    let pixels = read_image(gpu, &masked.target);
+    let pixels = read_image(gpu, masked.target.texture());
     let off = rmse(image.as_flattened(), pixels.as_flattened());
     println!(
         "{:.1} % of the pixels computed; at full resolution {full_ms:.1} ms, RMSE {off:.4}",

@@ -13,10 +13,13 @@ use deep_screen_space::{
 };
 use serde::Deserialize;
 
-use crate::{Options, support::raster};
+use crate::{
+    Options,
+    support::{gltf::Loaded, raster},
+};
 
 /// A camera and the size of its picture.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize)]
 pub struct Shot {
     pub eye: DVec3Array,
     pub target: DVec3Array,
@@ -30,6 +33,9 @@ pub struct Shot {
     /// What lights the scene besides its own emission.
     #[serde(default)]
     pub light: Option<Lamp>,
+    /// The glTF file's own lights, in place of `light` where that has none.
+    #[serde(skip)]
+    pub file_lights: Vec<Light>,
 }
 
 /// A light as the file of cameras has it.
@@ -103,7 +109,10 @@ impl Shot {
     }
 
     pub fn lights(&self) -> Vec<Light> {
-        self.light.into_iter().map(Light::from).collect()
+        match self.light {
+            Some(lamp) => vec![lamp.into()],
+            None => self.file_lights.clone(),
+        }
     }
 
     /// What a ray through each pixel's centre sees.
@@ -145,18 +154,28 @@ impl Shot {
     }
 }
 
-/// Picks the view that the options ask for.
-pub fn choose(options: &Options, scene: &Scene) -> Result<Shot, String> {
+/// Picks the view that the options ask for, relative to what was loaded.
+pub fn choose(options: &Options, loaded: &Loaded) -> Result<Shot, String> {
+    let scene = &loaded.scene;
+    let relative = |place: DVec3Array| (DVec3::from(place) - loaded.origin).to_array();
     let mut shot = if let Some(file) = &options.cameras {
-        from_file(options, file)?
+        let mut shot = from_file(options, file)?;
+        shot.eye = relative(shot.eye);
+        shot.target = relative(shot.target);
+        if let Some(Lamp::Point { position, .. }) = &mut shot.light {
+            *position = relative(*position);
+        }
+        shot
+    } else if !loaded.cameras.is_empty() && (options.eye.is_none() || options.camera.is_some()) {
+        from_gltf(options, loaded)?
     } else if options.eye.is_some() || scene.views.is_empty() {
         around(scene)
     } else {
         from_scene(options, scene)?
     };
     if let (Some(eye), Some(target)) = (options.eye, options.target) {
-        shot.eye = eye.to_array();
-        shot.target = target.to_array();
+        shot.eye = relative(eye.to_array());
+        shot.target = relative(target.to_array());
     }
     if let Some(vfov) = options.vfov {
         shot.vertical_fov_degrees = vfov;
@@ -165,7 +184,32 @@ pub fn choose(options: &Options, scene: &Scene) -> Result<Shot, String> {
         shot.width = width;
         shot.height = height;
     }
+    shot.file_lights.clone_from(&loaded.lights);
+    if shot.light.is_none() && shot.file_lights.is_empty() && options.cameras.is_none() {
+        shot.light = sun_unless_emissive(scene);
+    }
     Ok(shot)
+}
+
+fn from_gltf(options: &Options, loaded: &Loaded) -> Result<Shot, String> {
+    let list: Vec<_> = loaded.cameras.iter().map(|c| c.name.as_str()).collect();
+    let wanted = options.camera.as_deref();
+    let camera = loaded
+        .cameras
+        .iter()
+        .find(|c| wanted.is_none_or(|w| w == c.name))
+        .ok_or_else(|| unknown(wanted, &list))?;
+    Ok(Shot {
+        eye: camera.eye.to_array(),
+        target: camera.target.to_array(),
+        up: camera.up.to_array(),
+        vertical_fov_degrees: camera.vertical_fov_degrees,
+        near: camera.near,
+        width: 768,
+        height: 512,
+        light: None,
+        file_lights: Vec::new(),
+    })
 }
 
 fn from_file(options: &Options, file: &std::path::Path) -> Result<Shot, String> {
@@ -187,7 +231,7 @@ fn from_file(options: &Options, file: &std::path::Path) -> Result<Shot, String> 
     cameras
         .iter()
         .find(|c| wanted.is_none_or(|w| w == c.name))
-        .map(|c| c.shot)
+        .map(|c| c.shot.clone())
         .ok_or_else(|| unknown(wanted, &list))
 }
 
@@ -207,7 +251,8 @@ fn from_scene(options: &Options, scene: &Scene) -> Result<Shot, String> {
         near: view.near,
         width: 768,
         height: 512,
-        light: sun_unless_emissive(scene),
+        light: None,
+        file_lights: Vec::new(),
     })
 }
 
@@ -249,7 +294,8 @@ fn around(scene: &Scene) -> Shot {
         near: 1e-3 * size,
         width: 768,
         height: 512,
-        light: sun_unless_emissive(scene),
+        light: None,
+        file_lights: Vec::new(),
     }
 }
 

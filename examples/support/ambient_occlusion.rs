@@ -149,7 +149,7 @@ impl Renderer {
                     cloud: &self.cloud,
                     sums: &self.view,
                     levels: preset.splat.levels,
-                    target: &self.target,
+                    target: self.target.texture().into(),
                     sub_image: None,
                     timestamps: None,
                 },

@@ -7,6 +7,8 @@ use deep_screen_space::wgpu::{self, util::DeviceExt};
 pub enum Ask {
     /// `Limits::default()` and no features: the portable floor.
     Floor,
+    /// The floor and those features that passes make use of where they are.
+    Useful,
     /// Everything that the adapter offers.
     All,
 }
@@ -46,6 +48,11 @@ impl Gpu {
                 .map_err(|e| format!("no graphics adapter: {e} (scripts/demo.sh installs a software Vulkan driver)"))?;
             let (required_features, required_limits) = match ask {
                 Ask::Floor => (wgpu::Features::empty(), wgpu::Limits::default()),
+                Ask::Useful => (
+                    adapter.features()
+                        & (wgpu::Features::SUBGROUP | wgpu::Features::TIMESTAMP_QUERY),
+                    wgpu::Limits::default(),
+                ),
                 // Experimental features need an unsafe token, and none is of use here.
                 Ask::All => (
                     adapter.features() & !wgpu::Features::all_experimental_mask(),

@@ -1,9 +1,9 @@
 //! The hull wired together: lights from a reflective shadow map, the picture, and the same gathered at every pixel.
 
 use deep_screen_space::{
-    Camera, Components, Error, Gatherer, Light, ReflectiveShadowMap, ReflectiveShadowMapInput,
-    ReflectiveShadowMapView, SgHull, SgHullCounts, SgHullDescriptor, SgHullInput, SgHullSettings,
-    SgHullSize, SgHullView, Viewport,
+    Camera, Components, Error, Gatherer, GathererBinding, Light, ReflectiveShadowMap,
+    ReflectiveShadowMapInput, ReflectiveShadowMapView, SgHull, SgHullCounts, SgHullDescriptor,
+    SgHullInput, SgHullSettings, SgHullSize, SgHullView, Viewport,
     glam::{DMat4, DVec3},
     scenes::Scene,
     wgpu,
@@ -178,7 +178,7 @@ impl HullRenderer {
         scene: &SceneBuffers,
         lamp: &Lamp,
         origin: DVec3,
-    ) -> Result<wgpu::BindGroup, Error> {
+    ) -> Result<GathererBinding, Error> {
         let raster = Raster::draw(gpu, scene, &lamp.camera);
         let mut encoder = gpu.encoder();
         self.map.record(
@@ -194,23 +194,22 @@ impl HullRenderer {
             &self.map_view,
         )?;
         gpu.finish(encoder);
-        self.gatherer
-            .bind_polygons(&gpu.device, self.map_view.lights())
+        self.gatherer.bind_map(&gpu.device, &self.map_view)
     }
 
     fn input<'a>(
         &'a self,
         raster: &'a Raster,
         camera: &'a Camera,
-        lights: &'a wgpu::BindGroup,
+        lights: &'a GathererBinding,
     ) -> SgHullInput<'a> {
         SgHullInput {
             gbuffer: raster.gbuffer(),
             camera,
             origin: camera.eye(),
             gather: Some(lights),
-            roughness: self.roughness.as_ref(),
-            target: &self.target,
+            roughness: self.roughness.as_ref().map(|view| view.texture().into()),
+            target: self.target.texture().into(),
             timestamps: None,
         }
     }
@@ -221,7 +220,7 @@ impl HullRenderer {
         gpu: &Gpu,
         raster: &Raster,
         camera: &Camera,
-        lights: &wgpu::BindGroup,
+        lights: &GathererBinding,
     ) -> Result<(f64, Vec<[f32; 4]>), Error> {
         let input = self.input(raster, camera, lights);
         let (ms, done) = gpu.time(|encoder| {
@@ -238,7 +237,7 @@ impl HullRenderer {
         gpu: &Gpu,
         raster: &Raster,
         camera: &Camera,
-        lights: &wgpu::BindGroup,
+        lights: &GathererBinding,
     ) -> Result<(f64, Vec<[f32; 4]>), Error> {
         let input = self.input(raster, camera, lights);
         let (ms, done) = gpu.time(|encoder| {

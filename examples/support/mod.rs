@@ -8,6 +8,7 @@ pub mod arguments;
 pub mod bounced;
 pub mod errors;
 pub mod files;
+pub mod gltf;
 pub mod gpu;
 pub mod hull;
 pub mod multires;

@@ -54,7 +54,7 @@ impl Masked {
     ) -> Result<(), Error> {
         let is_shadow = self.effect == Effect::Shadow;
         if is_shadow {
-            passes.record_hard_shadows(stage, encoder, &self.hard)?;
+            passes.record_hard_shadows(stage, encoder, self.hard.texture())?;
         }
         passes.mask.record(
             &stage.gpu.device,
@@ -62,7 +62,7 @@ impl Masked {
             &MultiResMaskInput {
                 gbuffer: stage.drawn.gbuffer(),
                 camera: &stage.camera,
-                shading: is_shadow.then_some(&self.hard),
+                shading: is_shadow.then_some(self.hard.texture().into()),
                 edges: None,
                 importance: None,
                 timestamps: None,
@@ -103,7 +103,7 @@ impl Masked {
                 camera: &stage.camera,
                 masks: &self.masks,
                 images: &self.images,
-                target: &self.target,
+                target: self.target.texture().into(),
                 timestamps: None,
             },
             &MultiResReconstructorSettings::default(),
@@ -135,12 +135,12 @@ pub fn read_blocks(gpu: &Gpu, view: &TextureView, [width, height]: [u32; 2]) -> 
 }
 
 /// The texels of an image of either format, rows from the top: three channels each.
-pub fn read_image(gpu: &Gpu, view: &TextureView) -> Vec<[f32; 3]> {
-    if view.texture().format() == TextureFormat::R32Float {
-        let texels: Vec<f32> = gpu.read_texture(view.texture(), 0);
+pub fn read_image(gpu: &Gpu, texture: &wgpu::Texture) -> Vec<[f32; 3]> {
+    if texture.format() == TextureFormat::R32Float {
+        let texels: Vec<f32> = gpu.read_texture(texture, 0);
         return texels.into_iter().map(|v| [v; 3]).collect();
     }
-    let texels: Vec<[u16; 4]> = gpu.read_texture(view.texture(), 0);
+    let texels: Vec<[u16; 4]> = gpu.read_texture(texture, 0);
     texels
         .into_iter()
         .map(|[r, g, b, _]| [r, g, b].map(half_to_f32))

@@ -125,7 +125,7 @@ pub struct Stage<'g> {
     pub drawn: Raster,
     pub light: Light,
     cameras: Vec<Camera>,
-    map: TextureView,
+    map: wgpu::Texture,
     pub lit: TextureView,
     /// How far the effects reach, world units.
     pub reach: f32,
@@ -188,7 +188,7 @@ impl<'g> Stage<'g> {
             camera: *camera,
             light,
             cameras,
-            map: shadow::view(&map),
+            map,
             lit: gpu.storage(TextureFormat::Rgba16Float, width, height),
             // A file says nothing of what suits it.
             reach: if scene.ao_radius.is_finite() {
@@ -207,7 +207,7 @@ impl<'g> Stage<'g> {
         let [width, height] = self.size();
         let visible = gpu.storage(TextureFormat::R32Float, width, height);
         let mut encoder = gpu.encoder();
-        passes.record_hard_shadows(self, &mut encoder, &visible)?;
+        passes.record_hard_shadows(self, &mut encoder, visible.texture())?;
         let clip = self.camera.projection() * DMat4::from_mat3(self.camera.rotation());
         let mut uniform = clip.inverse().as_mat4().to_cols_array().to_vec();
         let light = match self.light {
@@ -378,7 +378,7 @@ impl Passes {
         encoder: &mut wgpu::CommandEncoder,
         (effect, samples): (Effect, u32),
         work: Option<WorkList<'_>>,
-        target: &TextureView,
+        target: &wgpu::Texture,
     ) -> Result<(), Error> {
         let device = &stage.gpu.device;
         match effect {
@@ -398,7 +398,7 @@ impl Passes {
                     camera: &stage.camera,
                     moments: None,
                     work,
-                    target,
+                    target: target.into(),
                     timestamps: None,
                 };
                 let settings = ObscuranceSettings {
@@ -427,9 +427,9 @@ impl Passes {
                 &ScreenSpaceGiInput {
                     gbuffer: stage.drawn.gbuffer(),
                     camera: &stage.camera,
-                    lit: &stage.lit,
+                    lit: stage.lit.texture().into(),
                     work,
-                    target,
+                    target: target.into(),
                     timestamps: None,
                 },
                 &ScreenSpaceGiSettings {
@@ -447,7 +447,7 @@ impl Passes {
         encoder: &mut wgpu::CommandEncoder,
         settings: &SoftShadowsSettings,
         work: Option<WorkList<'_>>,
-        target: &TextureView,
+        target: &wgpu::Texture,
     ) -> Result<(), Error> {
         self.shadows.record(
             &stage.gpu.device,
@@ -458,7 +458,7 @@ impl Passes {
                 light: &stage.light,
                 map: ShadowMap::new(&stage.map, &stage.cameras),
                 work,
-                target,
+                target: target.into(),
                 timestamps: None,
             },
             settings,
@@ -470,7 +470,7 @@ impl Passes {
         &self,
         stage: &Stage<'_>,
         encoder: &mut wgpu::CommandEncoder,
-        target: &TextureView,
+        target: &wgpu::Texture,
     ) -> Result<(), Error> {
         self.record_shadows(stage, encoder, &SoftShadowsSettings::hard(), None, target)
     }

@@ -86,11 +86,11 @@ impl Raster {
     /// As the passes take it.
     pub fn gbuffer(&self) -> GBuffer<'_> {
         GBuffer {
-            depth: &self.depth,
-            normal: &self.normal,
+            depth: self.depth.texture().into(),
+            normal: self.normal.texture().into(),
             normal_encoding: NormalEncoding::Signed,
             normal_space: NormalSpace::World,
-            albedo: Some(&self.albedo),
+            albedo: Some(self.albedo.texture().into()),
         }
     }
 

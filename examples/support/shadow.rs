@@ -144,11 +144,3 @@ pub fn draw(
     gpu.finish(encoder);
     texture
 }
-
-/// All layers of a map, as a shadow map is given.
-pub fn view(texture: &wgpu::Texture) -> wgpu::TextureView {
-    texture.create_view(&wgpu::TextureViewDescriptor {
-        dimension: Some(wgpu::TextureViewDimension::D2Array),
-        ..Default::default()
-    })
-}

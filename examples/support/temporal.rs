@@ -47,8 +47,8 @@ impl Accumulation {
             camera,
             previous_camera: self.previous.as_ref().unwrap_or(camera),
             motion: None,
-            picture,
-            target: &self.target,
+            picture: picture.texture().into(),
+            target: self.target.texture().into(),
             reset: false,
             timestamps: None,
         };

@@ -81,7 +81,9 @@ impl BouncedDescriptor {
         let mut flags = Vec::new();
         flags.extend((self.payload == Payload::Radiance).then_some("RADIANCE"));
         flags.extend(matches!(self.senders, Senders::Disks { .. }).then_some("SENDER_DISKS"));
-        flags.extend(self.lit().then_some("LIT"));
+        if self.lit() {
+            flags.extend(["LIT", "SHADOW_RAYS"]);
+        }
         flags.extend(self.statistics.then_some("STATISTICS"));
         flags.extend((self.sampling == Sampling::Glossy).then_some("GLOSSY"));
         flags

@@ -7,7 +7,7 @@ pub(crate) mod view;
 
 use wgpu::{
     BindGroupLayout, BindingType, Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device,
-    PipelineCache, ShaderStages, TextureFormat, TextureView, TextureViewDimension,
+    PipelineCache, ShaderStages, TextureFormat, TextureViewDimension,
 };
 
 use self::{
@@ -19,18 +19,21 @@ use self::{
 use crate::{
     bvh::{SenderBounds, SenderBoundsPass},
     camera::Camera,
-    error::{Error, check_limit, check_setting},
+    error::{Error, check_setting},
     gbuffer::{GBuffer, check_roughness},
-    geometry::{Material, check_size, check_usage},
+    geometry::Material,
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_2D, READ, UINT_2D, UNIFORM, WRITE, whole},
         check_timestamps, compute_pass, shader, storage, uniform,
     },
     receivers::{Receivers, ReceiversPass, plane},
+    recorded::Last,
     shaders::{Listing, name_of},
-    surfel::{SurfelCloud, SurfelRadiance},
+    surfel::SurfelCloud,
+    surfel_shader::radiance_bytes,
     surfelizer::settings::Placement,
+    texture_slice::TextureSlice,
 };
 
 const SOURCE: &str = include_str!("../../wgsl/bounced_z_buffer.wgsl");
@@ -74,7 +77,7 @@ pub struct BouncedInput<'a> {
     /// covering the camera's viewport. Values beyond 0…1 are clamped, NaN counts as 1; α is at least 1e-3, below which
     /// `f32` cannot tell a lobe's directions apart. A shading normal that faces away from the viewer is seen from just
     /// above its horizon.
-    pub roughness: Option<&'a TextureView>,
+    pub roughness: Option<TextureSlice<'a>>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -211,13 +214,15 @@ impl BouncedZBuffer {
             descriptor: self.descriptor,
             directions,
             statistics,
+            recorded: Last::default(),
         })
     }
 
     /// Records the bounds of a cloud's senders, after the recording that makes the cloud and before those that trace it.
     ///
     /// # Errors
-    /// [`Error::Mismatch`] where the bounds were made for other senders or another cloud's capacity.
+    /// [`Error::Mismatch`] where the bounds were made for other senders or another cloud's capacity, [`Error::Recording`] for a
+    /// cloud that was not recorded.
     pub fn record_bounds(
         &self,
         device: &Device,
@@ -235,7 +240,8 @@ impl BouncedZBuffer {
     ///
     /// # Errors
     /// What [`GBuffer::validate`] and [`BouncedSettings::validate`] find; [`Error::Mismatch`] where the view was made for
-    /// another descriptor or size or for fewer directions, or the bounds for another cloud; [`Error::Buffer`] for radiance
+    /// another descriptor or size or for fewer directions, or the bounds for another cloud's capacity; [`Error::Recording`] where the
+    /// bounds were not recorded from this cloud, since that was; [`Error::Buffer`] for radiance
     /// that is missing or too small, or for materials; what [`Light::validate`](crate::Light::validate) finds; [`Error::Mismatch`] for lighting that is
     /// missing, and [`Error::Setting`] for too many lights; what [`GBuffer::validate`] finds of views, and [`Error::Mismatch`] where there is none,
     /// for roughness; [`Error::Setting`] where radiance of pieces is asked for and the surfels are not leaves of them
@@ -254,8 +260,8 @@ impl BouncedZBuffer {
         input.gbuffer.validate(viewport)?;
         let cloud = input.cloud;
         self.check_view([viewport.width, viewport.height], settings, view)?;
-        let radiance = self.check_radiance(input)?;
-        let lighting = self.check_lighting(device, input)?;
+        let radiance = self.check_radiance(device, input, view)?;
+        let lighting = self.check_lighting(device, input, view)?;
         let roughness = check_roughness(
             "BouncedInput::roughness",
             input.roughness,
@@ -285,6 +291,7 @@ impl BouncedZBuffer {
             }
         };
 
+        view.recorded.set((*settings, cloud.last()?));
         if let Some(statistics) = &view.statistics {
             encoder.clear_buffer(statistics, 0, None);
         }
@@ -317,7 +324,8 @@ impl BouncedZBuffer {
             Hits::Bits(buffer) => resources.push((5, whole(buffer))),
             Hits::Colors(colors) => resources.push((5, binding::view(colors))),
         }
-        resources.extend(radiance.map(|radiance| (6, whole(radiance))));
+        resources
+            .extend(radiance.map(|radiance| (6, binding::first(radiance, radiance_bytes(cloud)))));
         let lights = lighting.map(|lighting| {
             uniform(
                 device,
@@ -326,12 +334,20 @@ impl BouncedZBuffer {
             )
         });
         if let (Some(lighting), Some(lights)) = (&lighting, &lights) {
-            resources.extend([(13, whole(lights)), (14, whole(lighting.materials))]);
+            resources.extend([
+                (13, whole(lights)),
+                (14, binding::table::<Material>(lighting.materials)),
+            ]);
         }
         if let Some(statistics) = &view.statistics {
             resources.push((10, whole(statistics)));
         }
-        resources.extend(roughness.map(|roughness| (12, binding::view(roughness))));
+        let roughness = roughness.map(|slice| slice.read());
+        resources.extend(
+            roughness
+                .as_ref()
+                .map(|roughness| (12, binding::view(roughness))),
+        );
         let group = binding::group(device, LABEL, &self.layout, &resources);
         let mut pass = compute_pass(encoder, LABEL, input.timestamps);
         // Bits were cleared; a layer of colours cannot be, and without directions gets one that meets nothing.
@@ -379,6 +395,7 @@ impl BouncedZBuffer {
         &self,
         device: &Device,
         input: &BouncedInput<'r>,
+        view: &BouncedView,
     ) -> Result<Option<HitLighting<'r>>, Error> {
         const LIGHTING: &str = "BouncedInput::lighting";
         const MATERIALS: &str = "HitLighting::materials";
@@ -390,14 +407,8 @@ impl BouncedZBuffer {
             found: "none".into(),
             needed: "lights and materials, for Lighting::Hits".into(),
         })?;
-        check_usage(MATERIALS, lighting.materials)?;
-        check_size(MATERIALS, lighting.materials, size_of::<Material>() as u64)?;
-        check_limit(
-            "max_storage_buffer_binding_size",
-            device.limits().max_storage_buffer_binding_size,
-            lighting.materials.size(),
-            MATERIALS,
-        )?;
+        binding::check_table::<Material>(device, MATERIALS, lighting.materials)?;
+        binding::check_own(MATERIALS, lighting.materials, &view.statistics)?;
         for light in lighting.lights {
             light.validate()?;
         }
@@ -411,7 +422,13 @@ impl BouncedZBuffer {
         Ok(Some(lighting))
     }
 
-    fn check_radiance<'r>(&self, input: &BouncedInput<'r>) -> Result<Option<&'r Buffer>, Error> {
+    fn check_radiance<'r>(
+        &self,
+        device: &Device,
+        input: &BouncedInput<'r>,
+        view: &BouncedView,
+    ) -> Result<Option<&'r Buffer>, Error> {
+        const RADIANCE: &str = "BouncedInput::radiance";
         if self.descriptor.payload == Payload::Occlusion || self.descriptor.lit() {
             return Ok(None);
         }
@@ -422,22 +439,14 @@ impl BouncedZBuffer {
             f64::from(input.cloud.placement.code()),
             "Placement::Centroid, for radiance of pieces",
         )?;
-        let needed = u64::from(input.cloud.capacity.surfels) * size_of::<SurfelRadiance>() as u64;
-        let problem = |found: String| Error::Buffer {
-            name: "BouncedInput::radiance",
-            found,
+        let needed = radiance_bytes(input.cloud);
+        let buffer = input.radiance.ok_or_else(|| Error::Buffer {
+            name: RADIANCE,
+            found: "not been given".into(),
             needed: format!("usage STORAGE and at least {needed} bytes"),
-        };
-        let buffer = input
-            .radiance
-            .ok_or_else(|| problem("not been given".into()))?;
-        if !buffer.usage().contains(BufferUsages::STORAGE) || buffer.size() < needed {
-            return Err(problem(format!(
-                "usage {:?}, {} bytes",
-                buffer.usage(),
-                buffer.size()
-            )));
-        }
+        })?;
+        binding::check_first(device, RADIANCE, buffer, needed)?;
+        binding::check_own(RADIANCE, buffer, &view.statistics)?;
         Ok(Some(buffer))
     }
 }

@@ -2,8 +2,11 @@
 
 use wgpu::{Buffer, TextureFormat, TextureView};
 
-use super::descriptor::BouncedDescriptor;
-use crate::receivers::{Receivers, plane_bytes};
+use super::{descriptor::BouncedDescriptor, settings::BouncedSettings};
+use crate::{
+    receivers::{Receivers, plane_bytes},
+    recorded::{Last, Stamp},
+};
 
 /// Hits of all pixels and directions.
 #[derive(Debug)]
@@ -22,6 +25,8 @@ pub struct BouncedView {
     pub(crate) descriptor: BouncedDescriptor,
     pub(super) directions: u32,
     pub(super) statistics: Option<Buffer>,
+    /// With what settings, and of which of the cloud's recordings.
+    pub(crate) recorded: Last<(BouncedSettings, Stamp)>,
 }
 
 impl BouncedView {

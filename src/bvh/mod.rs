@@ -12,12 +12,22 @@ use self::{
     disks::{DiskBounds, DiskBoundsPass},
     triangles::{TriangleBvh, TriangleBvhPass},
 };
-use crate::{error::Error, gpu::Timestamps, shaders::Listing, surfel::SurfelCloud};
+use crate::{
+    error::Error,
+    gpu::Timestamps,
+    recorded::{Last, Stamp},
+    shaders::Listing,
+    surfel::SurfelCloud,
+};
 
 /// A bounding volume hierarchy over a cloud's senders: what a ray skips by. Made anew from each recording of the cloud;
 /// nothing of it is kept from frame to frame.
 #[derive(Debug)]
-pub struct SenderBounds(Bounds);
+pub struct SenderBounds {
+    bounds: Bounds,
+    /// The cloud's recording.
+    recorded: Last<Stamp>,
+}
 
 /// Of either kind of senders.
 #[derive(Debug)]
@@ -29,23 +39,41 @@ enum Bounds {
 impl SenderBounds {
     /// GPU memory that it owns, bytes.
     pub fn memory_bytes(&self) -> u64 {
-        match &self.0 {
+        match &self.bounds {
             Bounds::Pieces(bvh) => bvh.memory_bytes(),
             Bounds::Disks(bounds) => bounds.memory_bytes(),
         }
     }
 
-    /// Those of a cloud's pieces. [`Error::Mismatch`] where they are of another kind or for another capacity.
+    /// Those of a cloud's pieces. [`Error::Mismatch`] where they are of another kind or for another capacity,
+    /// [`Error::Recording`] where they were not recorded from this cloud, since that was.
     pub(crate) fn pieces(&self, cloud: &SurfelCloud) -> Result<&TriangleBvh, Error> {
-        match &self.0 {
+        let bvh = self.room_for_pieces(cloud)?;
+        self.check_source(cloud)?;
+        Ok(bvh)
+    }
+
+    /// Those of a cloud's surfels as disks on so many levels.
+    pub(crate) fn disks(&self, cloud: &SurfelCloud, levels: u32) -> Result<&DiskBounds, Error> {
+        let bounds = self.room_for_disks(cloud, levels)?;
+        self.check_source(cloud)?;
+        Ok(bounds)
+    }
+
+    fn check_source(&self, cloud: &SurfelCloud) -> Result<(), Error> {
+        cloud.last()?;
+        cloud.check_source("SenderBounds", &self.recorded.get("SenderBounds")?)
+    }
+
+    fn room_for_pieces(&self, cloud: &SurfelCloud) -> Result<&TriangleBvh, Error> {
+        match &self.bounds {
             Bounds::Pieces(bvh) if bvh.capacity() == cloud.capacity.pieces => Ok(bvh),
             _ => Err(self.mismatch(describe_pieces(cloud.capacity.pieces))),
         }
     }
 
-    /// Those of a cloud's surfels as disks on so many levels.
-    pub(crate) fn disks(&self, cloud: &SurfelCloud, levels: u32) -> Result<&DiskBounds, Error> {
-        match &self.0 {
+    fn room_for_disks(&self, cloud: &SurfelCloud, levels: u32) -> Result<&DiskBounds, Error> {
+        match &self.bounds {
             Bounds::Disks(bounds)
                 if bounds.capacity == cloud.capacity.surfels && bounds.levels() == levels =>
             {
@@ -58,7 +86,7 @@ impl SenderBounds {
     fn mismatch(&self, needed: String) -> Error {
         Error::Mismatch {
             name: "SenderBounds",
-            found: match &self.0 {
+            found: match &self.bounds {
                 Bounds::Pieces(bvh) => describe_pieces(bvh.capacity()),
                 Bounds::Disks(bounds) => describe_disks(bounds.capacity, bounds.levels()),
             },
@@ -96,20 +124,25 @@ impl SenderBoundsPass {
     }
 
     pub fn create(&self, device: &Device, cloud: &SurfelCloud) -> Result<SenderBounds, Error> {
-        Ok(SenderBounds(match self {
+        let bounds = match self {
             Self::Pieces(pass) => {
                 Bounds::Pieces(Box::new(pass.create(device, cloud.capacity.pieces)?))
             }
             Self::Disks(_, levels) => {
                 Bounds::Disks(Box::new(DiskBounds::new(device, cloud, *levels)?))
             }
-        }))
+        };
+        Ok(SenderBounds {
+            bounds,
+            recorded: Last::default(),
+        })
     }
 
     /// Records into a pass of its own.
     ///
     /// # Errors
-    /// [`Error::Mismatch`] for bounds of another kind, or of another cloud's capacity.
+    /// [`Error::Mismatch`] for bounds of another kind, or of another cloud's capacity, [`Error::Recording`] for a cloud that
+    /// was not recorded.
     pub fn record(
         &self,
         device: &Device,
@@ -118,9 +151,11 @@ impl SenderBoundsPass {
         bounds: &SenderBounds,
         timestamps: Option<Timestamps<'_>>,
     ) -> Result<(), Error> {
+        let of = cloud.last()?;
+        let recorded = &bounds.recorded;
         match self {
             Self::Pieces(pass) => {
-                let bvh = bounds.pieces(cloud)?;
+                let bvh = bounds.room_for_pieces(cloud)?;
                 pass.record(
                     device,
                     encoder,
@@ -130,10 +165,11 @@ impl SenderBoundsPass {
                 );
             }
             Self::Disks(pass, levels) => {
-                let bounds = bounds.disks(cloud, *levels)?;
+                let bounds = bounds.room_for_disks(cloud, *levels)?;
                 pass.record(device, encoder, cloud, bounds, timestamps);
             }
         }
+        recorded.set(of);
         Ok(())
     }
 }

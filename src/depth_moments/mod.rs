@@ -14,6 +14,7 @@ use crate::{
         binding::{self, FLOAT_2D, UNIFORM, WRITE, view, whole},
         compute_pass, shader, storage, uniform,
     },
+    recorded::Last,
     shaders::Listing,
     work::level_size,
 };
@@ -34,6 +35,8 @@ pub struct DepthMoments {
     /// Of the view that they are for, pixels.
     pub(crate) size: [u32; 2],
     pub(crate) buffer: Buffer,
+    /// The camera of the depth.
+    pub(crate) recorded: Last<Camera>,
 }
 
 impl DepthMoments {
@@ -52,6 +55,7 @@ impl DepthMoments {
         Ok(Self {
             size,
             buffer: storage(device, LABEL, TEXEL * texels, usage)?,
+            recorded: Last::default(),
         })
     }
 

@@ -2,8 +2,13 @@
 
 use wgpu::{
     BindGroup, BindGroupEntry, BindGroupLayout, BindGroupLayoutEntry, BindingResource, BindingType,
-    Buffer, BufferBindingType, Device, ShaderStages, StorageTextureAccess, TextureFormat,
-    TextureSampleType, TextureView, TextureViewDimension,
+    Buffer, BufferBinding, BufferBindingType, Device, ShaderStages, StorageTextureAccess,
+    TextureFormat, TextureSampleType, TextureView, TextureViewDimension,
+};
+
+use crate::{
+    error::{Error, check_limit},
+    geometry::{check_size, check_usage},
 };
 
 const fn buffer(ty: BufferBindingType) -> BindingType {
@@ -90,23 +95,90 @@ pub(crate) fn group(
     layout: &BindGroupLayout,
     resources: &[(u32, BindingResource<'_>)],
 ) -> BindGroup {
-    let entries: Vec<_> = resources
+    device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some(label),
+        layout,
+        entries: &entries(resources),
+    })
+}
+
+/// `resources` at the binding numbers given.
+pub(crate) fn entries<'a>(resources: &[(u32, BindingResource<'a>)]) -> Vec<BindGroupEntry<'a>> {
+    resources
         .iter()
         .map(|(binding, resource)| BindGroupEntry {
             binding: *binding,
             resource: resource.clone(),
         })
-        .collect();
-    device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: Some(label),
-        layout,
-        entries: &entries,
-    })
+        .collect()
 }
 
 /// A whole buffer as a binding.
 pub(crate) fn whole(buffer: &Buffer) -> BindingResource<'_> {
     buffer.as_entire_binding()
+}
+
+/// The first bytes of a buffer of the caller's as a binding. It may be of any size, and a binding is whole words.
+pub(crate) fn first(buffer: &Buffer, bytes: u64) -> BindingResource<'_> {
+    BindingResource::Buffer(BufferBinding {
+        buffer,
+        offset: 0,
+        size: std::num::NonZeroU64::new(bytes),
+    })
+}
+
+/// As many elements as a buffer of the caller's holds.
+pub(crate) fn table<T>(buffer: &Buffer) -> BindingResource<'_> {
+    first(buffer, table_bytes::<T>(buffer))
+}
+
+fn table_bytes<T>(buffer: &Buffer) -> u64 {
+    let element = size_of::<T>() as u64;
+    buffer.size() / element * element
+}
+
+/// Checks that a buffer can be bound as at least one element, and as all that it holds.
+pub(crate) fn check_table<T>(
+    device: &Device,
+    name: &'static str,
+    buffer: &Buffer,
+) -> Result<(), Error> {
+    check_usage(name, buffer)?;
+    check_size(name, buffer, size_of::<T>() as u64)?;
+    check_bytes(device, name, table_bytes::<T>(buffer))
+}
+
+/// Checks that a buffer's first bytes can be bound.
+pub(crate) fn check_first(
+    device: &Device,
+    name: &'static str,
+    buffer: &Buffer,
+    bytes: u64,
+) -> Result<(), Error> {
+    check_usage(name, buffer)?;
+    check_size(name, buffer, bytes)?;
+    check_bytes(device, name, bytes)
+}
+
+fn check_bytes(device: &Device, name: &'static str, bytes: u64) -> Result<(), Error> {
+    let limit = device.limits().max_storage_buffer_binding_size;
+    check_limit("max_storage_buffer_binding_size", limit, bytes, name)
+}
+
+/// [`Error::Buffer`] for a buffer of the caller's that is one of those that the same pass uses otherwise.
+pub(crate) fn check_own<'b>(
+    name: &'static str,
+    buffer: &Buffer,
+    others: impl IntoIterator<Item = &'b Buffer>,
+) -> Result<(), Error> {
+    if others.into_iter().any(|other| other == buffer) {
+        return Err(Error::Buffer {
+            name,
+            found: "a buffer that the pass uses otherwise".into(),
+            needed: "a buffer of its own".into(),
+        });
+    }
+    Ok(())
 }
 
 /// A texture view as a binding.

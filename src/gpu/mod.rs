@@ -14,13 +14,13 @@ use wgpu::{
     Device, PipelineCache, ShaderModule, util::DeviceExt,
 };
 
-use crate::error::{Error, check_limit};
+use crate::error::{Error, check_limit, check_setting};
 
 /// Where a pass writes its begin and end timestamps. Optional everywhere; the device needs
 /// [`wgpu::Features::TIMESTAMP_QUERY`] to create such a set at all.
 #[derive(Clone, Copy, Debug)]
 pub struct Timestamps<'a> {
-    /// The caller's query set of timestamps.
+    /// The caller's query set, of the type `Timestamp`.
     pub set: &'a wgpu::QuerySet,
     /// Index written when the pass begins.
     pub begin: u32,
@@ -28,16 +28,33 @@ pub struct Timestamps<'a> {
     pub end: u32,
 }
 
-/// [`Error::Setting`] for timestamps that would overwrite each other.
+/// [`Error::Setting`] for timestamps that would overwrite each other or lie outside of their set, [`Error::Mismatch`] for a
+/// set of another kind.
 pub(crate) fn check_timestamps(timestamps: Option<Timestamps<'_>>) -> Result<(), Error> {
-    match timestamps {
-        Some(t) if t.begin == t.end => Err(Error::Setting {
-            field: "Timestamps::end",
-            value: f64::from(t.end),
-            accepted: "another index than Timestamps::begin",
-        }),
-        _ => Ok(()),
+    let Some(Timestamps { set, begin, end }) = timestamps else {
+        return Ok(());
+    };
+    if !matches!(set.ty(), wgpu::QueryType::Timestamp) {
+        return Err(Error::Mismatch {
+            name: "Timestamps::set",
+            found: format!("{:?}", set.ty()),
+            needed: "Timestamp".into(),
+        });
     }
+    for (field, index) in [("Timestamps::begin", begin), ("Timestamps::end", end)] {
+        check_setting(
+            index < set.count(),
+            field,
+            index,
+            "an index of the query set, below its count",
+        )?;
+    }
+    check_setting(
+        begin != end,
+        "Timestamps::end",
+        end,
+        "another index than Timestamps::begin",
+    )
 }
 
 /// Invocations a workgroup in every kernel that has no reason for another number.
@@ -66,7 +83,8 @@ pub(crate) fn uniform<T: Pod>(device: &Device, label: &str, value: &T) -> Buffer
     })
 }
 
-/// A storage buffer of `bytes` that only the GPU touches, after a check against the binding limit.
+/// A storage buffer of `bytes` that only the GPU touches, after a check against the binding limit. A binding may not be smaller
+/// than one element of what shaders take it for: where that is more than 16 bytes a buffer needs room for one.
 pub(crate) fn storage(
     device: &Device,
     label: &'static str,

@@ -2,11 +2,15 @@
 
 use wgpu::{
     BindGroup, BindGroupLayout, CommandEncoder, Device, PipelineCache, RenderPass, RenderPipeline,
-    ShaderModule, TextureFormat, TextureUsages, TextureView,
+    ShaderModule, TextureFormat, TextureUsages,
 };
 
 use super::Timestamps;
-use crate::{camera::Viewport, error::Error};
+use crate::{
+    camera::Viewport,
+    error::Error,
+    texture_slice::{TextureSlice, check_slice},
+};
 
 /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats.
 pub(crate) fn check_format(
@@ -27,6 +31,25 @@ pub(crate) fn check_format(
             name,
             format,
             accepted: "a colour format of floats that can be rendered to",
+        });
+    }
+    Ok(())
+}
+
+/// Checks a target that such a pipeline of format `made_for` draws into.
+pub(crate) fn check_target(
+    name: &'static str,
+    target: &TextureSlice<'_>,
+    viewport: Viewport,
+    made_for: TextureFormat,
+) -> Result<(), Error> {
+    check_slice(name, target, viewport, TextureUsages::RENDER_ATTACHMENT)?;
+    let format = target.view_format();
+    if format != made_for {
+        return Err(Error::Mismatch {
+            name,
+            found: format!("{format:?}"),
+            needed: format!("{made_for:?}"),
         });
     }
     Ok(())
@@ -118,7 +141,7 @@ pub(crate) fn draw(
     encoder: &mut CommandEncoder,
     label: &str,
     (pipeline, group): (&RenderPipeline, &BindGroup),
-    target: &TextureView,
+    target: &TextureSlice<'_>,
     viewport: Viewport,
     timestamps: Option<Timestamps<'_>>,
     begins: bool,
@@ -133,15 +156,16 @@ pub(crate) fn draw(
 pub(crate) fn begin<'e>(
     encoder: &'e mut CommandEncoder,
     label: &str,
-    target: &TextureView,
+    target: &TextureSlice<'_>,
     viewport: Viewport,
     timestamps: Option<Timestamps<'_>>,
     begins: bool,
 ) -> RenderPass<'e> {
+    let target = target.view(TextureUsages::RENDER_ATTACHMENT);
     let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
         label: Some(label),
         color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-            view: target,
+            view: &target,
             depth_slice: None,
             resolve_target: None,
             ops: wgpu::Operations {

@@ -5,7 +5,7 @@ pub(crate) mod settings;
 
 use wgpu::{
     BindGroupLayout, CommandEncoder, ComputePipeline, Device, PipelineCache, RenderPipeline,
-    ShaderStages, TextureFormat, TextureUsages, TextureView, TextureViewDimension,
+    ShaderStages, TextureFormat, TextureView, TextureViewDimension,
 };
 
 use self::{params::HitReconstructorParams, settings::HitReconstructorSettings};
@@ -17,7 +17,7 @@ use crate::{
     },
     camera::Camera,
     error::Error,
-    gbuffer::{GBuffer, check_plain, check_roughness},
+    gbuffer::{GBuffer, check_roughness},
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_2D, READ, UINT_2D, UINT_ARRAY, UNIFORM, view, whole},
@@ -28,6 +28,7 @@ use crate::{
     receivers::{plane, plane_bytes},
     shaders::{Listing, name_of},
     surfel::SurfelCloud,
+    texture_slice::{TextureSlice, check_apart},
 };
 
 const SOURCE: &str = include_str!("../../wgsl/hit_reconstructor.wgsl");
@@ -102,7 +103,7 @@ pub struct HitReconstructorInput<'a> {
     /// The G-buffer that was traced from; with [`Payload::Radiance`] its albedo is needed, unless receivers are glossy.
     pub gbuffer: GBuffer<'a>,
     /// The roughness that was traced with, as [`BouncedInput::roughness`](crate::BouncedInput::roughness).
-    pub roughness: Option<&'a TextureView>,
+    pub roughness: Option<TextureSlice<'a>>,
     /// Its camera.
     pub camera: &'a Camera,
     /// The cloud that was traced.
@@ -113,7 +114,7 @@ pub struct HitReconstructorInput<'a> {
     pub traced: &'a BouncedSettings,
     /// The caller's texture, of the descriptor's format, usage `RENDER_ATTACHMENT`, covering the camera's viewport.
     /// Only the viewport is written.
-    pub target: &'a TextureView,
+    pub target: TextureSlice<'a>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -210,7 +211,9 @@ impl HitReconstructor {
     ///
     /// # Errors
     /// [`Error::Setting`]; [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target and the G-buffer;
-    /// [`Error::Mismatch`] where hits, view and target disagree with the camera or with what this was made for.
+    /// [`Error::Mismatch`] where hits, view and target disagree with the camera, with what this was made for or with the
+    /// settings that the hits were recorded with; [`Error::Recording`] where they were not recorded from this cloud, since that
+    /// was.
     pub fn record(
         &self,
         device: &Device,
@@ -251,7 +254,8 @@ impl HitReconstructor {
         ];
         let mut resources = shared.to_vec();
         resources.push((3, view(&scratch.means)));
-        resources.extend(roughness.map(|roughness| (5, view(roughness))));
+        let [roughness, albedo] = [roughness, albedo].map(|slice| slice.map(|slice| slice.read()));
+        resources.extend(roughness.as_ref().map(|roughness| (5, view(roughness))));
         let group = binding::group(device, LABEL, &self.average_layout, &resources);
         let mut pass = first_pass(encoder, LABEL, input.timestamps);
         pass.set_pipeline(&self.average);
@@ -262,13 +266,13 @@ impl HitReconstructor {
         if !self.descriptor.deferred {
             resources.remove(2);
         }
-        resources.extend(albedo.map(|albedo| (4, view(albedo))));
+        resources.extend(albedo.as_ref().map(|albedo| (4, view(albedo))));
         let group = binding::group(device, LABEL, &self.layout, &resources);
         screen::draw(
             encoder,
             LABEL,
             (&self.reconstruct, &group),
-            input.target,
+            &input.target,
             viewport,
             input.timestamps,
             false,
@@ -281,24 +285,16 @@ impl HitReconstructor {
         &self,
         input: &HitReconstructorInput<'t>,
         scratch: &HitReconstructorView,
-    ) -> Result<Option<&'t TextureView>, Error> {
+    ) -> Result<Option<TextureSlice<'t>>, Error> {
         let viewport = input.camera.viewport();
         let size = [viewport.width, viewport.height];
         input.gbuffer.validate(viewport)?;
-        check_plain(
-            "HitReconstructorInput::target",
-            input.target,
-            viewport,
-            TextureUsages::RENDER_ATTACHMENT,
-        )?;
-        let format = input.target.texture().format();
-        if format != self.descriptor.target {
-            return Err(Error::Mismatch {
-                name: "HitReconstructorInput::target",
-                found: format!("{format:?}"),
-                needed: format!("{:?}", self.descriptor.target),
-            });
-        }
+        const TARGET: &str = "HitReconstructorInput::target";
+        screen::check_target(TARGET, &input.target, viewport, self.descriptor.target)?;
+        let roughness = input.roughness;
+        let roughness = roughness.map(|slice| ("HitReconstructorInput::roughness", slice, 1));
+        let reads = input.gbuffer.reads().chain(roughness);
+        check_apart(TARGET, &input.target, reads)?;
         let BouncedDescriptor {
             payload, sampling, ..
         } = input.hits.descriptor;
@@ -317,6 +313,15 @@ impl HitReconstructor {
                     "{size:?} pixels, {} directions, {:?}, {:?}",
                     input.traced.directions, self.descriptor.payload, self.descriptor.sampling
                 ),
+            });
+        }
+        let (traced, of) = input.hits.recorded.get("BouncedView")?;
+        input.cloud.check_source("BouncedView", &of)?;
+        if traced != *input.traced {
+            return Err(Error::Mismatch {
+                name: "HitReconstructorInput::traced",
+                found: format!("{:?}", input.traced),
+                needed: format!("{traced:?}, which the hits were recorded with"),
             });
         }
         if scratch.size != size {

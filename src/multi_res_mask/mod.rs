@@ -19,7 +19,7 @@ use self::{
 use crate::{
     camera::Camera,
     error::Error,
-    gbuffer::{GBuffer, check_plain, samples_as_float},
+    gbuffer::{GBuffer, samples_as_float},
     gpu::{
         Kernel, Timestamps, WORKGROUP,
         binding::{self, FLOAT_2D, UNIFORM, WRITE, view, whole},
@@ -29,6 +29,7 @@ use crate::{
         shader, uniform,
     },
     shaders::{Listing, name_of},
+    texture_slice::{TextureSlice, check_slice},
 };
 
 const SOURCE: &str = include_str!("../../wgsl/multi_res_mask.wgsl");
@@ -78,11 +79,11 @@ pub struct MultiResMaskInput<'a> {
     /// The camera that it was drawn with.
     pub camera: &'a Camera,
     /// An image whose first differences are edges too: hard shadows, for soft ones.
-    pub shading: Option<&'a TextureView>,
+    pub shading: Option<TextureSlice<'a>>,
     /// Edges of the caller's own, 0…1, such as those of motion: an edge is at least this.
-    pub edges: Option<&'a TextureView>,
+    pub edges: Option<TextureSlice<'a>>,
     /// How much detail is worth, 0…1, such as an eye tracker's: an edge is at most this. It goes before all others.
-    pub importance: Option<&'a TextureView>,
+    pub importance: Option<TextureSlice<'a>>,
     /// Where to write begin and end times, if anywhere. Stencils are not in them.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -208,16 +209,17 @@ impl MultiResMask {
         masks: &MultiResView,
     ) {
         let params = uniform(device, LABEL, &EdgeParams::new(input, settings));
-        let mut resources = vec![
-            (0, whole(&params)),
-            (1, view(input.gbuffer.depth)),
-            (2, view(input.gbuffer.normal)),
-        ];
-        resources.extend(input.shading.map(|shading| (3, view(shading))));
+        let [depth, normal] = [input.gbuffer.depth, input.gbuffer.normal].map(|slice| slice.read());
+        let read = |slice: Option<TextureSlice<'_>>| slice.map(|slice| slice.read());
+        let shading = read(input.shading);
+        let given = [read(input.edges), read(input.importance)];
+        let mut resources = vec![(0, whole(&params)), (1, view(&depth)), (2, view(&normal))];
+        resources.extend(shading.as_ref().map(|shading| (3, view(shading))));
         // Where one of the two is not given the other stands in its place, unread.
-        let given = [input.edges, input.importance];
-        if let Some(any) = given[0].or(given[1]) {
-            let both = given.map(|own| view(own.unwrap_or(any)));
+        if let Some(any) = given[0].as_ref().or(given[1].as_ref()) {
+            let both = given
+                .each_ref()
+                .map(|own| view(own.as_ref().unwrap_or(any)));
             resources.extend((4..).zip(both));
         }
         let is_given = usize::from(given.iter().any(Option::is_some));
@@ -387,8 +389,8 @@ fn check(input: &MultiResMaskInput<'_>, masks: &MultiResView) -> Result<(), Erro
         ("MultiResMaskInput::importance", input.importance),
     ] {
         let Some(source) = source else { continue };
-        check_plain(name, source, viewport, TextureUsages::TEXTURE_BINDING)?;
-        let format = source.texture().format();
+        check_slice(name, &source, viewport, TextureUsages::TEXTURE_BINDING)?;
+        let format = source.view_format();
         if !samples_as_float(format) {
             return Err(Error::Format {
                 name,

@@ -17,7 +17,7 @@ use crate::{
     camera::Camera,
     effect::Channels,
     error::Error,
-    gbuffer::{GBuffer, check_plain},
+    gbuffer::GBuffer,
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_2D, READ, UNIFORM, view, whole},
@@ -28,6 +28,7 @@ use crate::{
     multi_res_mask::{settings::MultiResMaskSettings, view::MultiResView},
     receivers::{plane_bytes, plane_for},
     shaders::{Listing, name_of},
+    texture_slice::{TextureSlice, check_apart},
     work::{LEVELS, level_size},
 };
 
@@ -72,7 +73,11 @@ pub struct SubImages {
 impl SubImages {
     /// The texture of a level: `R32Float` or `Rgba16Float` by the channels (usages `STORAGE_BINDING | RENDER_ATTACHMENT |
     /// TEXTURE_BINDING | COPY_SRC`); `None` for a level that it was not made with.
-    pub fn level(&self, level: u32) -> Option<&TextureView> {
+    pub fn level(&self, level: u32) -> Option<&wgpu::Texture> {
+        self.view(level).map(TextureView::texture)
+    }
+
+    fn view(&self, level: u32) -> Option<&TextureView> {
         self.levels.get(level as usize)?.as_ref()
     }
 
@@ -100,7 +105,7 @@ pub struct MultiResReconstructorInput<'a> {
     pub images: &'a SubImages,
     /// The caller's texture, of the format that the reconstructor was made for, usage `RENDER_ATTACHMENT`, covering the
     /// camera's viewport. Only the viewport is written: one channel to red, green and blue, three as they are, alpha 1.
-    pub target: &'a TextureView,
+    pub target: TextureSlice<'a>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -226,18 +231,27 @@ impl MultiResReconstructor {
         let mask = self.check(input)?;
         let images = input.images;
         let alike = alike(mask, input.masks.has_importance());
-        let mut coarse = (mask.coarsest(), images.level(mask.coarsest()));
+        let mut coarse = (mask.coarsest(), images.view(mask.coarsest()));
         let levels: Vec<u32> = mask.present().map(|(level, _)| level).collect();
+        let gbuffer = [input.gbuffer.depth, input.gbuffer.normal].map(|slice| slice.read());
+        let [depth, normal] = &gbuffer;
         let mut pass = first_pass(encoder, LABEL, input.timestamps);
         for &level in levels.iter().rev().skip(1) {
             let params =
                 MultiResReconstructorParams::new(input, mask, *settings, [level, coarse.0]);
-            let own = images.level(level);
+            let own = images.view(level);
             let result = images.completed[level as usize].as_ref();
             if let (Some(coarse), Some(own), Some(result)) = (coarse.1, own, result) {
                 let is_alike = alike & (1 << params.coarser) != 0;
                 let textures = [coarse, own, result];
-                self.record_level(device, &mut pass, input, &params, textures, is_alike);
+                self.record_level(
+                    device,
+                    &mut pass,
+                    (input, &gbuffer),
+                    &params,
+                    textures,
+                    is_alike,
+                );
             }
             // The finest level's other pixels are what the target has.
             if level > 0 {
@@ -254,11 +268,11 @@ impl MultiResReconstructor {
             let uniform = uniform(device, LABEL, &params);
             let resources = [
                 (0, whole(&uniform)),
-                (1, view(input.gbuffer.depth)),
-                (2, view(input.gbuffer.normal)),
+                (1, view(depth)),
+                (2, view(normal)),
                 (3, view(coarse)),
                 (4, view(mask)),
-                (5, view(images.level(0).unwrap_or(coarse))),
+                (5, view(images.view(0).unwrap_or(coarse))),
                 (6, view(images.completed[0].as_ref().unwrap_or(coarse))),
             ];
             let group = binding::group(device, LABEL, &self.blend_layout, &resources);
@@ -268,7 +282,7 @@ impl MultiResReconstructor {
                 encoder,
                 LABEL,
                 (&self.blend[usize::from(is_alike)], &group),
-                input.target,
+                &input.target,
                 input.camera.viewport(),
                 input.timestamps,
                 false,
@@ -283,7 +297,7 @@ impl MultiResReconstructor {
         &self,
         device: &Device,
         pass: &mut ComputePass<'_>,
-        input: &MultiResReconstructorInput<'_>,
+        (input, [depth, normal]): (&MultiResReconstructorInput<'_>, &[TextureView; 2]),
         params: &MultiResReconstructorParams,
         [coarse, own, result]: [&TextureView; 3],
         is_alike: bool,
@@ -298,12 +312,12 @@ impl MultiResReconstructor {
         let uniform = uniform(device, LABEL, params);
         let resources = [
             (0, whole(&uniform)),
-            (1, view(input.gbuffer.depth)),
-            (2, view(input.gbuffer.normal)),
+            (1, view(depth)),
+            (2, view(normal)),
             (3, view(coarse)),
             (4, view(mask)),
             (5, view(own)),
-            (6, whole(work.pixels)),
+            (6, work.list(input.camera.viewport())),
             (7, view(result)),
             (8, whole(blended)),
         ];
@@ -326,12 +340,11 @@ impl MultiResReconstructor {
         let viewport = input.camera.viewport();
         let size = [viewport.width, viewport.height];
         input.gbuffer.validate(viewport)?;
-        check_plain(
-            "MultiResReconstructorInput::target",
-            input.target,
-            viewport,
-            TextureUsages::RENDER_ATTACHMENT,
-        )?;
+        const TARGET: &str = "MultiResReconstructorInput::target";
+        screen::check_target(TARGET, &input.target, viewport, self.target)?;
+        let levels = (0..LEVELS).filter_map(|level| input.images.level(level));
+        let levels = levels.map(|level| ("SubImages", TextureSlice::new(level), 1));
+        check_apart(TARGET, &input.target, input.gbuffer.reads().chain(levels))?;
         let mismatch = |name, found: String, needed: String| {
             Err(Error::Mismatch {
                 name,
@@ -339,14 +352,6 @@ impl MultiResReconstructor {
                 needed,
             })
         };
-        let format = input.target.texture().format();
-        if format != self.target {
-            return mismatch(
-                "MultiResReconstructor",
-                format!("{:?}", self.target),
-                format!("{format:?}"),
-            );
-        }
         let masks = input.masks;
         let Some(settings) = masks.recorded().filter(|_| masks.size() == size) else {
             return mismatch(

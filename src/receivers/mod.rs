@@ -173,8 +173,8 @@ impl ReceiversPass {
             &self.layout,
             &[
                 (0, whole(&params)),
-                (1, view(gbuffer.depth)),
-                (2, view(gbuffer.normal)),
+                (1, view(&gbuffer.depth.read())),
+                (2, view(&gbuffer.normal.read())),
                 (3, view(&receivers.view)),
             ],
         );
@@ -230,10 +230,10 @@ impl ListedReceiversPass {
             &self.layout,
             &[
                 (0, whole(&params)),
-                (1, view(gbuffer.depth)),
-                (2, view(gbuffer.normal)),
+                (1, view(&gbuffer.depth.read())),
+                (2, view(&gbuffer.normal.read())),
                 (3, view(&receivers.view)),
-                (4, whole(work.pixels)),
+                (4, work.list(camera.viewport())),
             ],
         );
         let mut pass = compute_pass(encoder, LABEL, None);

@@ -5,7 +5,7 @@ pub(crate) mod settings;
 
 use wgpu::{
     BindingType, CommandEncoder, ComputePipeline, Device, PipelineCache, RenderPipeline,
-    ShaderStages, TextureFormat, TextureUsages, TextureView, TextureViewDimension,
+    ShaderStages, TextureFormat, TextureView, TextureViewDimension,
 };
 
 use self::{params::ReconstructorParams, settings::ReconstructorSettings};
@@ -13,7 +13,7 @@ use crate::{
     camera::{Camera, Viewport},
     effect::Effect,
     error::{Error, check_setting},
-    gbuffer::{GBuffer, check_plain},
+    gbuffer::GBuffer,
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_2D, FLOAT_ARRAY, UINT_2D, UNIFORM, view, whole},
@@ -25,6 +25,7 @@ use crate::{
     shaders::Listing,
     shell_splatter::SplatView,
     surfel::SurfelCloud,
+    texture_slice::{TextureSlice, check_apart},
     work::{LEVELS, level_size},
 };
 
@@ -96,7 +97,7 @@ pub struct ReconstructorInput<'a> {
     /// The caller's texture, of the format that the reconstructor was made for, usage `RENDER_ATTACHMENT`, covering the
     /// camera's viewport, or having a sub-image's pixels from the corner. Only these are written. What a work list left
     /// out gets what the effect makes of the sky.
-    pub target: &'a TextureView,
+    pub target: TextureSlice<'a>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -106,13 +107,15 @@ impl Reconstructor {
     /// `Rgba16Float` …); its missing channels are dropped.
     ///
     /// # Errors
-    /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats.
+    /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats, [`Error::Effect`] as
+    /// [`ShellSplatter::new`](crate::ShellSplatter::new).
     pub fn new(
         device: &Device,
         effect: &Effect,
         target: TextureFormat,
         cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
+        effect.check()?;
         screen::check_format(device, "Reconstructor target", target)?;
         let format = effect.sum_format();
         let smooth_layout = binding::layout(
@@ -223,7 +226,8 @@ impl Reconstructor {
     ///
     /// # Errors
     /// [`Error::Setting`]; [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target, [`Error::Mismatch`]
-    /// where sums and view disagree with the camera or with each other.
+    /// where sums and view disagree with the camera or with each other, [`Error::Recording`] where the sums were not
+    /// recorded from this cloud, since that was.
     pub fn record(
         &self,
         device: &Device,
@@ -270,9 +274,9 @@ impl Reconstructor {
         let mut resources = shared.to_vec();
         resources.push((2, view(input.sums.sums())));
         resources.extend(smoothing.map(|scratch| (3, view(&scratch.total))));
-        if self.effect.albedo {
-            resources.extend(input.gbuffer.albedo.map(|albedo| (4, view(albedo))));
-        }
+        let albedo = input.gbuffer.albedo.filter(|_| self.effect.albedo);
+        let albedo = albedo.map(|slice| slice.read());
+        resources.extend(albedo.as_ref().map(|albedo| (4, view(albedo))));
         let group = binding::group(
             device,
             LABEL,
@@ -283,7 +287,7 @@ impl Reconstructor {
             encoder,
             LABEL,
             (&self.reconstruct[smoothed], &group),
-            input.target,
+            &input.target,
             viewport,
             input.timestamps,
             smoothing.is_none(),
@@ -310,22 +314,11 @@ impl Reconstructor {
             viewport = Viewport::full(width, height);
         }
         let size = [viewport.width, viewport.height];
-        check_plain(
-            "ReconstructorInput::target",
-            input.target,
-            viewport,
-            TextureUsages::RENDER_ATTACHMENT,
-        )?;
-        let format = input.target.texture().format();
-        if format != self.target {
-            return Err(Error::Mismatch {
-                name: "Reconstructor",
-                found: format!("{:?}", self.target),
-                needed: format!("{format:?}"),
-            });
-        }
+        const TARGET: &str = "ReconstructorInput::target";
+        screen::check_target(TARGET, &input.target, viewport, self.target)?;
         if self.effect.albedo {
             input.gbuffer.validate(whole)?;
+            check_apart(TARGET, &input.target, input.gbuffer.reads())?;
             if input.gbuffer.albedo.is_none() {
                 return Err(Error::Mismatch {
                     name: "GBuffer",
@@ -352,6 +345,18 @@ impl Reconstructor {
                     input.levels,
                     self.effect.sum_format()
                 ),
+            });
+        }
+        let splatted = sums.recorded.get("SplatView")?;
+        input.cloud.check_source("SplatView", &splatted.of)?;
+        if (splatted.levels, splatted.sub_image) != (input.levels, input.sub_image) {
+            return Err(Error::Mismatch {
+                name: "SplatView",
+                found: format!(
+                    "{} splatted levels, sub-image {:?}",
+                    splatted.levels, splatted.sub_image
+                ),
+                needed: format!("{} levels, sub-image {:?}", input.levels, input.sub_image),
             });
         }
         if scratch.size != size

@@ -13,7 +13,7 @@ use super::{
     light::arrival,
     packing::pack_color,
     shell_splatter::Receiver,
-    surfel_shader::{BRIGHTEST, sound},
+    surfel_shader::{BRIGHTEST, own_radiosity, sound},
     surfelizer::{Piece, Triangle, leaf_at, nearest_room},
 };
 use crate::{
@@ -69,7 +69,10 @@ pub fn to_camera(camera: &Camera, origin: DVec3, point: DVec3) -> DVec3 {
 }
 
 /// Where a ray meets a triangle, from either side (Möller and Trumbore 1997). The shader takes four at once.
-pub fn meet(ray: &Ray, triangle: &Triangle) -> Option<f64> {
+///
+/// `end_size` is the size of the coordinates of the light that the ray ends at, if it does: a triangle that the light lies
+/// on is met beyond it.
+pub fn meet(ray: &Ray, triangle: &Triangle, end_size: Option<f64>) -> Option<f64> {
     let a = triangle.a;
     let e1 = triangle.b - a;
     let e2 = triangle.c - a;
@@ -81,20 +84,46 @@ pub fn meet(ray: &Ray, triangle: &Triangle) -> Option<f64> {
     let per_det = 1.0 / det;
     let u = s.dot(p) * per_det;
     let v = d.dot(q) * per_det;
-    let t = e2.dot(q) * per_det;
+    let ahead = e2.dot(q) * per_det;
+    let mut t = ahead;
     let size = e1.abs().max_element() + e2.abs().max_element();
     let reach = a.abs().max_element() + ray.origin.abs().max_element();
     let slack = POSITION_TOLERANCE * reach * size * per_det.abs();
-    let inside = u >= -slack && v >= -slack && u + v <= 1.0 + slack && t > 0.0 && det.abs() > 1e-35;
+    if let Some(end_size) = end_size {
+        let across = 1.732_050_8 * e1.cross(e2).abs().max_element();
+        t += POSITION_TOLERANCE * (reach + end_size) * across * per_det.abs();
+    }
+    let inside =
+        u >= -slack && v >= -slack && u + v <= 1.0 + slack && ahead > 0.0 && det.abs() > 1e-35;
     inside.then_some(t)
 }
 
 /// The nearest hit closer than `t_max`.
 pub fn nearest(ray: &Ray, pieces: &[Piece], t_max: f64) -> Option<Hit> {
+    walk(ray, None, pieces, t_max)
+}
+
+/// Whether a light reaches a point off a surface.
+pub fn unshadowed(point: DVec3, light: &Light, pieces: &[Piece]) -> bool {
+    let way = arrival(light, point);
+    let ray = Ray {
+        origin: point,
+        direction: way.to_light,
+    };
+    let end_size = match light {
+        Light::Directional { .. } => None,
+        Light::Point { position, .. } | Light::Spot { position, .. } => {
+            Some(position.abs().max_element())
+        }
+    };
+    walk(&ray, end_size, pieces, way.distance.min(FAR)).is_none()
+}
+
+fn walk(ray: &Ray, end_size: Option<f64>, pieces: &[Piece], t_max: f64) -> Option<Hit> {
     let mut hit = None;
     let mut closest = t_max;
     for (piece, candidate) in pieces.iter().enumerate() {
-        if let Some(t) = meet(ray, &candidate.corners)
+        if let Some(t) = meet(ray, &candidate.corners, end_size)
             && t < closest
         {
             closest = t;
@@ -247,23 +276,12 @@ impl Tracing<'_> {
         for light in lights {
             let arrival = arrival(light, place);
             let cosine = side.dot(arrival.to_light);
-            if cosine > 0.0 {
-                let to_light = Ray {
-                    origin: point,
-                    direction: arrival.to_light,
-                };
-                let end = arrival.distance.min(FAR) * (1.0 - 1e-5);
-                if nearest(&to_light, self.pieces, end).is_none() {
-                    irradiance += arrival.irradiance * cosine;
-                }
+            if cosine > 0.0 && unshadowed(point, light, self.pieces) {
+                irradiance += arrival.irradiance * cosine;
             }
         }
         let material = materials[(piece.material as usize).min(materials.len() - 1)];
-        let own = if facing {
-            sound(material.emission)
-        } else {
-            DVec3::ZERO
-        };
+        let own = own_radiosity(&material, facing);
         ((own + sound(material.albedo) * irradiance) / PI).min(DVec3::splat(BRIGHTEST))
     }
 }

@@ -37,7 +37,6 @@ pub fn cast(
             let direction = (beyond - near).normalize();
             let origin = camera.eye() + near;
             let hit = tracer.first_hit(origin, direction, 0.0, f64::INFINITY)?;
-            let position = origin + hit.t * direction;
             let corner = |k: usize| indices[3 * hit.triangle + k] as usize;
             let at = |list: &[[f32; 3]], k| DVec3::from(list[corner(k)].map(f64::from));
             let [p0, p1, p2] = [0, 1, 2].map(|k| at(positions, k));
@@ -48,6 +47,8 @@ pub fn cast(
                 facing
             };
             let [u, v] = hit.barycentric;
+            // By the corners: the eye may be so far that what its distance is rounded to lies off the surface.
+            let position = p0 + (p1 - p0) * u + (p2 - p0) * v;
             let smooth = at(normals, 0) * (1.0 - u - v) + at(normals, 1) * u + at(normals, 2) * v;
             let shading = smooth.try_normalize().unwrap_or(geometric_normal);
             Some(Pixel {

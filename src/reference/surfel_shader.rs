@@ -73,6 +73,15 @@ pub(super) fn sound(color: [f32; 3]) -> DVec3 {
     DVec3::from(color.map(sound))
 }
 
+/// What a side of a surface sends of its own.
+pub(super) fn own_radiosity(material: &Material, front: bool) -> DVec3 {
+    if front || material.double_sided != 0 {
+        sound(material.emission)
+    } else {
+        DVec3::ZERO
+    }
+}
+
 impl ShadowMap<'_> {
     /// A point in the clip space of the first map that knows of it.
     fn first_map(&self, point: DVec3) -> Option<(usize, DVec4)> {
@@ -151,8 +160,8 @@ pub fn shade(
 ) -> Radiance {
     let material = materials[(surfel.material as usize).min(materials.len() - 1)];
     let mut radiance = Radiance {
-        front: sound(material.emission) / PI,
-        back: DVec3::ZERO,
+        front: own_radiosity(&material, true) / PI,
+        back: own_radiosity(&material, false) / PI,
     };
     let points: Vec<DVec3> = match surfel.leaf {
         Some(leaf) if samples > 1 => (0..samples)

@@ -1,9 +1,14 @@
 //! Rays against triangles: the ground truth that everything else is held against.
 //!
-//! A [`Tracer`] finds its candidates in a bounding volume hierarchy of `f32` boxes (crate `obvhs`)
+//! A [`Tracer`] finds its candidates in bounding volume hierarchies of `f32` boxes (crate `obvhs`)
 //! and tests them in `f64`. The boxes are grown by more than their own rounding, so which triangle
 //! a ray meets is decided by the `f64` test alone: the answer is that of a loop over all
-//! triangles.
+//! triangles. Small triangles on a much larger ground have a tree of their own, whose boxes are
+//! grown by what is little against them.
+//!
+//! A ray leaves a surface by the rounding of `f64` alone, so that a scene far from the origin, or on
+//! a large ground, keeps its detail. For that its start is first put onto the surface: a receiver
+//! that was stored in `f32` lies off it by more.
 
 mod ambient_occlusion;
 mod hemisphere;
@@ -20,6 +25,9 @@ use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 use obvhs::ray::{Ray, RayHit};
 use thiserror::Error;
 
+use super::light::Arrival;
+use crate::Light;
+
 pub use ambient_occlusion::Estimate;
 pub use hemisphere::Receiver;
 pub use one_bounce::ColorEstimate;
@@ -31,8 +39,21 @@ use triangle::{Line, Triangle};
 /// 1.7e-6.
 const BOX_MARGIN: f32 = 4e-6;
 
-/// [`Tracer::epsilon`] relative to the scene's size.
-const RELATIVE_EPSILON: f64 = 1e-6;
+/// [`Tracer::epsilon`] relative to the scene's size: thousands of roundings of `f64`.
+const RELATIVE_EPSILON: f64 = 1e-12;
+
+/// How far a receiver may lie off its surface, relative to the scene's size.
+const RECEIVER_TOLERANCE: f64 = 1e-6;
+
+/// The cosine between a receiver's normal and that of the surface it lies on, at least.
+const SAME_SURFACE: f64 = 0.9;
+
+/// A light lies on a triangle where its plane is as near as a rounding of its place to `f32`.
+const LIGHT_ROUNDING: f64 = 6e-8;
+
+/// Triangles get a tree of their own where they and all together are smaller than the rest by this.
+const SMALLER: f64 = 1.0 / 64.0;
+const MOST_TREES: usize = 8;
 
 /// The tree counts its nodes, nearly two to a triangle, in 32 bits.
 const MAX_TRIANGLES: usize = 1 << 30;
@@ -68,12 +89,19 @@ pub struct Hit {
 
 /// A set of triangles that rays can be shot at.
 pub struct Tracer {
-    tree: Bvh2,
+    /// Of triangles of different sizes.
+    trees: Vec<Tree>,
+    skipped: usize,
+    /// The larger of the bounding box's diagonal and its largest coordinate.
+    magnitude: f64,
+}
+
+/// Some of the triangles.
+struct Tree {
+    nodes: Bvh2,
     /// In the order of the tree's leaves.
     triangles: Vec<Triangle>,
     frame: Frame,
-    skipped: usize,
-    epsilon: f64,
 }
 
 impl Tracer {
@@ -102,20 +130,10 @@ impl Tracer {
             .enumerate()
             .filter_map(|(index, face)| Triangle::new(positions, *face, index as u32))
             .collect();
-        let skipped = faces.len() - triangles.len();
-        let frame = Frame::around(&triangles);
-        let tree = build_tree(&triangles, &frame);
-        let triangles = tree
-            .primitive_indices
-            .iter()
-            .map(|index| triangles[*index as usize])
-            .collect();
         Ok(Self {
-            tree,
-            triangles,
-            epsilon: RELATIVE_EPSILON * frame.magnitude(),
-            frame,
-            skipped,
+            skipped: faces.len() - triangles.len(),
+            magnitude: Frame::around(&triangles).magnitude(),
+            trees: trees_of(triangles),
         })
     }
 
@@ -125,11 +143,38 @@ impl Tracer {
     }
 
     /// How far a ray starts off the surface it leaves, so that it does not meet that surface
-    /// again: 1e-6 of the diagonal of the scene's bounding box, or of the largest coordinate if
-    /// that is larger. The second case is that of a scene far from the origin, where a receiver
-    /// stored in `f32` is off its surface by up to 6e-8 of its coordinates.
+    /// again: 1e-12 of the diagonal of the scene's bounding box, or of the largest coordinate if
+    /// that is larger.
     pub fn epsilon(&self) -> f64 {
-        self.epsilon
+        RELATIVE_EPSILON * self.magnitude
+    }
+
+    /// Where rays start that leave a receiver: off the surface it lies on, on the side of its normal,
+    /// which has unit length. The surface is the nearest one of about that normal, within 1e-6 of the
+    /// scene's size along it; without one the receiver lies in the air.
+    pub fn start(&self, receiver: DVec3, normal: DVec3) -> DVec3 {
+        let reach = RECEIVER_TOLERANCE * self.magnitude;
+        let line = Line::new(receiver, normal);
+        let mut nearest = f64::INFINITY;
+        for tree in &self.trees {
+            let Some(span) = tree.frame.enter(receiver, normal, -reach, reach) else {
+                continue;
+            };
+            tree.nodes
+                .ray_traverse(span.ray, &mut RayHit::none(), |_, slot| {
+                    let triangle = &tree.triangles[slot];
+                    if let Some(hit) = triangle.meet(&line)
+                        && hit.t.abs() <= reach
+                        && hit.t.abs() < nearest.abs()
+                        && triangle.normal().dot(normal).abs() >= SAME_SURFACE
+                    {
+                        nearest = hit.t;
+                    }
+                    f32::INFINITY
+                });
+        }
+        let along = if nearest.is_finite() { nearest } else { 0.0 };
+        receiver + normal * (along + self.epsilon())
     }
 
     /// The nearest triangle, seen from either side, that a ray meets at a distance in
@@ -158,44 +203,76 @@ impl Tracer {
         t_max: f64,
     ) -> Option<(Hit, &Triangle)> {
         let direction = direction.try_normalize()?;
-        let span = self.frame.enter(origin, direction, t_min, t_max)?;
         let line = Line::new(origin, direction);
         let mut nearest: Option<(Hit, &Triangle)> = None;
-        self.tree
-            .ray_traverse(span.ray, &mut RayHit::none(), |_, slot| {
-                let triangle = &self.triangles[slot];
-                match triangle.meet(&line) {
-                    Some(hit)
-                        if (t_min..t_max).contains(&hit.t)
-                            && nearest.is_none_or(|(old, _)| is_before(&hit, &old)) =>
-                    {
-                        nearest = Some((hit, triangle));
-                        span.tree_distance(hit.t)
+        for tree in &self.trees {
+            let end = nearest.map_or(t_max, |(hit, _)| hit.t);
+            let Some(span) = tree.frame.enter(origin, direction, t_min, end) else {
+                continue;
+            };
+            tree.nodes
+                .ray_traverse(span.ray, &mut RayHit::none(), |_, slot| {
+                    let triangle = &tree.triangles[slot];
+                    match triangle.meet(&line) {
+                        Some(hit)
+                            if (t_min..t_max).contains(&hit.t)
+                                && nearest.is_none_or(|(old, _)| is_before(&hit, &old)) =>
+                        {
+                            nearest = Some((hit, triangle));
+                            span.tree_distance(hit.t)
+                        }
+                        _ => f32::INFINITY,
                     }
-                    _ => f32::INFINITY,
-                }
-            });
+                });
+        }
         nearest
     }
 
     /// Whether a ray meets any triangle at a distance in `t_min..t_max`; the rest is as for
     /// [`first_hit`](Self::first_hit).
     pub fn occluded(&self, origin: DVec3, direction: DVec3, t_min: f64, t_max: f64) -> bool {
+        self.meets_any(origin, direction, t_min, t_max, |_| true)
+    }
+
+    /// Whether any triangle lies between a point and a light. What the light itself lies on does not.
+    fn hidden(&self, origin: DVec3, way: &Arrival, light: &Light) -> bool {
+        match *light {
+            Light::Directional { .. } => self.occluded(origin, way.to_light, 0.0, f64::INFINITY),
+            Light::Point { position, .. } | Light::Spot { position, .. } => {
+                let near = LIGHT_ROUNDING * position.abs().max_element() + self.epsilon();
+                self.meets_any(origin, way.to_light, 0.0, way.distance, |triangle| {
+                    triangle.plane_distance(position) > near
+                })
+            }
+        }
+    }
+
+    fn meets_any(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        t_min: f64,
+        t_max: f64,
+        counts: impl Fn(&Triangle) -> bool,
+    ) -> bool {
         let Some(direction) = direction.try_normalize() else {
             return false;
         };
-        let Some(span) = self.frame.enter(origin, direction, t_min, t_max) else {
-            return false;
-        };
         let line = Line::new(origin, direction);
-        let missed = self.tree.ray_traverse_miss(span.ray, |_, slot| {
-            match self.triangles[slot].meet(&line) {
-                // Any distance below the ray's end stops the traversal.
-                Some(hit) if (t_min..t_max).contains(&hit.t) => 0.0,
-                _ => f32::INFINITY,
-            }
-        });
-        !missed
+        self.trees.iter().any(|tree| {
+            let Some(span) = tree.frame.enter(origin, direction, t_min, t_max) else {
+                return false;
+            };
+            let missed = tree.nodes.ray_traverse_miss(span.ray, |_, slot| {
+                let triangle = &tree.triangles[slot];
+                match triangle.meet(&line) {
+                    // Any distance below the ray's end stops the traversal.
+                    Some(hit) if (t_min..t_max).contains(&hit.t) && counts(triangle) => 0.0,
+                    _ => f32::INFINITY,
+                }
+            });
+            !missed
+        })
     }
 }
 
@@ -204,10 +281,10 @@ fn is_before(hit: &Hit, other: &Hit) -> bool {
     (hit.t, hit.triangle) < (other.t, other.triangle)
 }
 
-/// The place of the scene in the unit cube around the origin, where its tree lives. A relative
+/// The place of a tree's triangles in the unit cube around the origin, where the tree lives. A relative
 /// `f32` error is then an absolute one too, whatever the scene's size and place.
 struct Frame {
-    /// The scene's bounding box; the low corner is above the high one where there is no triangle.
+    /// The bounding box; the low corner is above the high one where there is no triangle.
     low: DVec3,
     high: DVec3,
     centre: DVec3,
@@ -310,6 +387,34 @@ impl Boundable for Leaf {
     fn aabb(&self) -> Aabb {
         self.0
     }
+}
+
+/// Trees of triangles of about one size each, the largest first.
+fn trees_of(mut triangles: Vec<Triangle>) -> Vec<Tree> {
+    let mut trees = Vec::new();
+    while !triangles.is_empty() {
+        let frame = Frame::around(&triangles);
+        let (small, large): (Vec<_>, Vec<_>) = triangles
+            .iter()
+            .partition(|triangle| triangle.extent() <= SMALLER * frame.scale);
+        let apart = Frame::around(&small).scale <= SMALLER * frame.scale;
+        let (own, rest) = if apart && trees.len() + 1 < MOST_TREES {
+            (large, small)
+        } else {
+            (triangles, Vec::new())
+        };
+        // Its triangles may lie all in one place far away.
+        let frame = Frame::around(&own);
+        let nodes = build_tree(&own, &frame);
+        let in_order = nodes.primitive_indices.iter();
+        trees.push(Tree {
+            triangles: in_order.map(|index| own[*index as usize]).collect(),
+            nodes,
+            frame,
+        });
+        triangles = rest;
+    }
+    trees
 }
 
 /// The steps of `obvhs::bvh2::builder::build_bvh2` with its medium settings, without the check of

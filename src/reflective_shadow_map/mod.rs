@@ -1,6 +1,8 @@
 //! What a light's own camera sees as lights (Dachsbacher and Stamminger, *Reflective Shadow Maps*, 2005;
 //! `wgsl/reflective_shadow_map.wgsl`).
 
+use std::sync::Arc;
+
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use wgpu::{BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache, ShaderStages};
@@ -16,7 +18,8 @@ use crate::{
     },
     light::{Light, LightParams},
     receivers::{Receivers, ReceiversPass},
-    sg_hull::gatherer::PolygonLight,
+    recorded::Last,
+    sg_hull::{bound::check_origin, gatherer::PolygonLight},
     shaders::Listing,
 };
 
@@ -25,7 +28,7 @@ const SOURCE: &str = include_str!("../../wgsl/reflective_shadow_map.wgsl");
 const LABEL: &str = "deep-screen-space reflective shadow map";
 
 /// Turns the G-buffer of a light's camera into [`PolygonLight`]s, one a texel: the first bounce of that light, for
-/// [`Gatherer::polygons`](crate::Gatherer::polygons). 16 × 16 texels are a usual size.
+/// [`Gatherer::bind_map`](crate::Gatherer::bind_map). 16 × 16 texels are a usual size.
 #[derive(Debug)]
 pub struct ReflectiveShadowMap {
     layout: wgpu::BindGroupLayout,
@@ -38,6 +41,8 @@ pub struct ReflectiveShadowMap {
 pub struct ReflectiveShadowMapView {
     receivers: Receivers,
     lights: wgpu::Buffer,
+    /// The origin, shared with what a gatherer bound of it.
+    pub(crate) recorded: Arc<Last<DVec3>>,
 }
 
 impl ReflectiveShadowMapView {
@@ -128,6 +133,7 @@ impl ReflectiveShadowMap {
                 bytes,
                 BufferUsages::COPY_SRC,
             )?,
+            recorded: Arc::default(),
         })
     }
 
@@ -162,6 +168,8 @@ impl ReflectiveShadowMap {
                 needed: format!("{size:?} texels"),
             });
         }
+        check_origin("ReflectiveShadowMapInput::origin", input.origin)?;
+        map.recorded.set(input.origin);
         self.receivers.record(
             device,
             encoder,
@@ -185,7 +193,7 @@ impl ReflectiveShadowMap {
             &[
                 (0, whole(&params)),
                 (1, view(&map.receivers.view)),
-                (2, view(albedo)),
+                (2, view(&albedo.read())),
                 (3, whole(&map.lights)),
             ],
         );

@@ -59,7 +59,11 @@ impl Builder {
 
     /// Adds a surface that reflects `albedo` and emits `emission`, in W/m².
     pub(super) fn material(&mut self, albedo: [f32; 3], emission: [f32; 3]) -> MaterialId {
-        self.materials.push(Material { albedo, emission });
+        self.materials.push(Material {
+            albedo,
+            emission,
+            double_sided: false,
+        });
         self.groups.push(Group::default());
         MaterialId(self.materials.len() - 1)
     }

@@ -84,6 +84,8 @@ pub struct Material {
     pub albedo: [f32; 3],
     /// Radiosity emitted by the front side, in W/m²: linear RGB.
     pub emission: [f32; 3],
+    /// Whether the back side emits it too.
+    pub double_sided: bool,
 }
 
 impl From<Material> for crate::Material {
@@ -91,6 +93,7 @@ impl From<Material> for crate::Material {
         Self {
             albedo: material.albedo,
             emission: material.emission,
+            double_sided: u32::from(material.double_sided),
             ..Self::default()
         }
     }

@@ -5,21 +5,21 @@ pub(crate) mod params;
 pub(crate) mod settings;
 
 use wgpu::{
-    CommandEncoder, Device, PipelineCache, TextureFormat, TextureUsages, TextureView,
-    TextureViewDimension,
+    CommandEncoder, Device, PipelineCache, TextureFormat, TextureUsages, TextureViewDimension,
 };
 
 use self::{params::ScreenSpaceGiParams, settings::ScreenSpaceGiSettings};
 use crate::{
     camera::Camera,
     error::Error,
-    gbuffer::{GBuffer, check_plain, samples_as_float},
+    gbuffer::{GBuffer, samples_as_float},
     gpu::{
         Timestamps,
         binding::{self, FLOAT_2D, UNIFORM, view, whole},
         check_timestamps, shader, uniform,
     },
     shaders::Listing,
+    texture_slice::{TextureSlice, check_apart, check_slice},
     work::{WorkKernel, WorkKernelDescriptor, WorkList, check_work},
 };
 
@@ -49,13 +49,13 @@ pub struct ScreenSpaceGiInput<'a> {
     pub camera: &'a Camera,
     /// Radiance that leaves each pixel's surface, W/(m² sr), linear RGB: any float or unorm format with three components or
     /// more, usage `TEXTURE_BINDING`, covering the camera's viewport. What is not finite counts as 0.
-    pub lit: &'a TextureView,
+    pub lit: TextureSlice<'a>,
     /// The pixels to compute; `None` for all, at full resolution.
     pub work: Option<WorkList<'a>>,
     /// Where irradiance / π goes, what a white surface sends back, 0 for the sky and alpha 1: a texture of the size of the
     /// work's level (`⌈size / 2^level⌉`) or larger, `Rgba16Float`, usage `STORAGE_BINDING`. Pixels that are not listed are
     /// left as they are.
-    pub target: &'a TextureView,
+    pub target: TextureSlice<'a>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -105,8 +105,8 @@ impl ScreenSpaceGi {
         check_timestamps(input.timestamps)?;
         let viewport = input.camera.viewport();
         input.gbuffer.validate(viewport)?;
-        check_plain(LIT, input.lit, viewport, TextureUsages::TEXTURE_BINDING)?;
-        let format = input.lit.texture().format();
+        check_slice(LIT, &input.lit, viewport, TextureUsages::TEXTURE_BINDING)?;
+        let format = input.lit.view_format();
         if !samples_as_float(format) || format.components() < 3 {
             return Err(Error::Format {
                 name: LIT,
@@ -116,23 +116,30 @@ impl ScreenSpaceGi {
         }
         let work = input.work.as_ref();
         let level = check_work(
+            device,
             "ScreenSpaceGiInput::target",
             work,
             viewport,
-            input.target,
+            &input.target,
             TextureFormat::Rgba16Float,
         )?;
+        let lit = (LIT, input.lit, 1);
+        let reads = input.gbuffer.reads().chain([lit]);
+        check_apart("ScreenSpaceGiInput::target", &input.target, reads)?;
         let params = uniform(
             device,
             LABEL,
             &ScreenSpaceGiParams::new(input, settings, level),
         );
+        let [depth, normal, lit] =
+            [input.gbuffer.depth, input.gbuffer.normal, input.lit].map(|slice| slice.read());
+        let target = input.target.view(TextureUsages::STORAGE_BINDING);
         let resources = vec![
             (0, whole(&params)),
-            (1, view(input.gbuffer.depth)),
-            (2, view(input.gbuffer.normal)),
-            (3, view(input.lit)),
-            (4, view(input.target)),
+            (1, view(&depth)),
+            (2, view(&normal)),
+            (3, view(&lit)),
+            (4, view(&target)),
         ];
         self.kernel
             .record(device, encoder, resources, work, viewport, input.timestamps);

@@ -1,16 +1,17 @@
 //! How light is gathered at a point: a piece of WGSL and what it needs bound.
 
-use std::borrow::Cow;
+use std::{borrow::Cow, sync::Arc};
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
-use wgpu::{BindGroup, BindGroupLayout, Buffer, BufferUsages, Device, ShaderStages};
+use wgpu::{BindGroupLayout, Buffer, BufferUsages, Device, ShaderStages};
 
+use super::bound::{GathererBinding, Origin, check_origin};
 use crate::{
     error::Error,
-    geometry::{check_size, check_usage},
     gpu::binding::{self, READ, whole},
     light::{Light, LightParams},
+    reflective_shadow_map::ReflectiveShadowMapView,
 };
 
 const LABEL: &str = "deep-screen-space gatherer";
@@ -35,9 +36,9 @@ pub struct Gatherer {
     pub label: Cow<'static, str>,
     /// The WGSL.
     pub source: Cow<'static, str>,
-    /// What it binds in group 1, visible to compute and fragment shaders, if anything.
+    /// What it binds in group 1, visible to compute and fragment shaders, if anything; see [`Gatherer::bind`].
     pub layout: Option<BindGroupLayout>,
-    /// Values for `override` constants of `source`.
+    /// Values for `override` constants of `source`: for all that have none of their own, and for no others.
     pub constants: Vec<(String, f64)>,
 }
 
@@ -87,24 +88,48 @@ impl Gatherer {
     /// What [`Gatherer::polygons`] binds: a storage buffer full of [`PolygonLight`]s, at least one of them.
     ///
     /// # Errors
-    /// [`Error::Buffer`] for a buffer that is too small or lacks usage `STORAGE`, [`Error::Mismatch`] for a gatherer
-    /// without a layout.
-    pub fn bind_polygons(&self, device: &Device, lights: &Buffer) -> Result<BindGroup, Error> {
-        check_usage("PolygonLight", lights)?;
-        check_size("PolygonLight", lights, size_of::<PolygonLight>() as u64)?;
-        self.bind(device, lights)
+    /// [`Error::Buffer`] for a buffer that is too small or lacks usage `STORAGE`, [`Error::Limit`] for one longer than
+    /// a binding may be, [`Error::Mismatch`] for another gatherer.
+    pub fn bind_polygons(
+        &self,
+        device: &Device,
+        lights: &Buffer,
+    ) -> Result<GathererBinding, Error> {
+        self.check_kind(POLYGONS, "Gatherer::polygons")?;
+        binding::check_table::<PolygonLight>(device, "PolygonLight", lights)?;
+        let resources = [(0, binding::table::<PolygonLight>(lights))];
+        self.bound(device, &binding::entries(&resources), Origin::Unknown, None)
+    }
+
+    /// The lights of a reflective shadow map, as [`Gatherer::polygons`] binds them. One binding serves all recordings of the
+    /// map.
+    ///
+    /// # Errors
+    /// [`Error::Mismatch`] for another gatherer.
+    pub fn bind_map(
+        &self,
+        device: &Device,
+        map: &ReflectiveShadowMapView,
+    ) -> Result<GathererBinding, Error> {
+        self.check_kind(POLYGONS, "Gatherer::polygons")?;
+        let resources = [(0, whole(map.lights()))];
+        let origin = Origin::Map(Arc::clone(&map.recorded));
+        self.bound(device, &binding::entries(&resources), origin, None)
     }
 
     /// What [`Gatherer::lights`] binds. No light is valid.
     ///
     /// # Errors
-    /// What [`Light::validate`] finds, [`Error::Mismatch`] for a gatherer without a layout.
+    /// What [`Light::validate`] finds, [`Error::Setting`] for an origin that is not finite, [`Error::Mismatch`] for another
+    /// gatherer.
     pub fn bind_lights(
         &self,
         device: &Device,
         lights: &[Light],
         origin: DVec3,
-    ) -> Result<BindGroup, Error> {
+    ) -> Result<GathererBinding, Error> {
+        self.check_kind(LIGHTS, "Gatherer::lights")?;
+        check_origin("Gatherer::bind_lights origin", origin)?;
         for light in lights {
             light.validate()?;
         }
@@ -120,19 +145,12 @@ impl Gatherer {
                 usage: BufferUsages::STORAGE,
             },
         );
-        self.bind(device, &buffer)
-    }
-
-    fn bind(&self, device: &Device, buffer: &Buffer) -> Result<BindGroup, Error> {
-        let layout = self.bound_layout()?;
-        Ok(binding::group(device, LABEL, layout, &[(0, whole(buffer))]))
-    }
-
-    pub(super) fn bound_layout(&self) -> Result<&BindGroupLayout, Error> {
-        self.layout.as_ref().ok_or_else(|| Error::Mismatch {
-            name: "Gatherer",
-            found: "no layout".into(),
-            needed: "that of a gatherer of the crate's".into(),
-        })
+        let resources = [(0, whole(&buffer))];
+        self.bound(
+            device,
+            &binding::entries(&resources),
+            Origin::At(origin),
+            None,
+        )
     }
 }

@@ -1,20 +1,24 @@
 //! Light gathered on a sparse hull of what is seen (Meder and Brüderlin, *Screen Space Approximate Gaussian Hulls*, 2018;
 //! `wgsl/sg_hull*.wgsl`).
 
+pub(crate) mod bound;
 pub(crate) mod gatherer;
 pub(crate) mod params;
 pub(crate) mod settings;
 pub(crate) mod surfels;
 
+use std::borrow::Cow;
+
 use glam::DVec3;
 use wgpu::{
-    BindGroup, BindGroupLayout, BindingResource, BindingType, Buffer, BufferUsages, CommandEncoder,
-    ComputePass, ComputePipeline, Device, PipelineCache, RenderPipeline, ShaderStages,
-    TextureFormat, TextureUsages, TextureView,
+    BindGroup, BindGroupLayout, BindingType, Buffer, BufferUsages, CommandEncoder, ComputePass,
+    ComputePipeline, Device, PipelineCache, RenderPipeline, ShaderStages, TextureFormat,
+    TextureView,
 };
 
 pub use self::params::{HullSegment, HullVertex, SgHullCounts};
 use self::{
+    bound::{GathererBinding, check_origin},
     gatherer::Gatherer,
     params::SgHullParams,
     settings::{Components, SgHullSettings, SgHullSize},
@@ -22,7 +26,7 @@ use self::{
 use crate::{
     camera::Camera,
     error::Error,
-    gbuffer::{GBuffer, check_plain, check_roughness},
+    gbuffer::{GBuffer, check_roughness},
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_2D, READ, UINT_2D, UNIFORM, WRITE, view, whole},
@@ -30,8 +34,10 @@ use crate::{
         preprocess::Module,
         screen, shader, storage, uniform,
     },
+    overrides::check_constants,
     receivers::{Receivers, ReceiversPass, plane_bytes},
     shaders::{Listing, name_of},
+    texture_slice::{TextureSlice, check_apart},
 };
 
 const LABEL: &str = "deep-screen-space hull";
@@ -76,6 +82,8 @@ const LABEL: &str = "deep-screen-space hull";
 pub struct SgHull {
     target: TextureFormat,
     variant: HullVariant,
+    /// The gatherer's.
+    source: Cow<'static, str>,
     bound: bool,
     segment_layout: BindGroupLayout,
     plan_layout: BindGroupLayout,
@@ -210,15 +218,15 @@ pub struct SgHullInput<'a> {
     pub camera: &'a Camera,
     /// The point of the world that the gatherer's positions are relative to: the camera's eye, or one near it.
     pub origin: DVec3,
-    /// What the gatherer's layout is for, where it has one.
-    pub gather: Option<&'a BindGroup>,
+    /// What the gatherer bound, where it has a layout.
+    pub gather: Option<&'a GathererBinding>,
     /// With [`SgHullDescriptor::glossy`] the G-buffer's roughness, as
     /// [`BouncedInput::roughness`](crate::BouncedInput::roughness). Not read otherwise.
-    pub roughness: Option<&'a TextureView>,
+    pub roughness: Option<TextureSlice<'a>>,
     /// The caller's texture, of the format that the hull was made for, usage `RENDER_ATTACHMENT`, covering the camera's
     /// viewport. Only the viewport is written: reflected radiance, `albedo / π` times irradiance and what a glossy
     /// surface adds, W/(m² sr), and 1; black for the sky.
-    pub target: &'a TextureView,
+    pub target: TextureSlice<'a>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -228,7 +236,7 @@ impl SgHull {
     ///
     /// # Errors
     /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats, [`Error::Effect`] where the
-    /// gatherer's source has a malformed directive. WGSL that does not compile is wgpu's own validation error.
+    /// gatherer's source has a malformed directive or not the constants that are given. WGSL that does not compile is wgpu's own validation error.
     pub fn new(device: &Device, descriptor: &SgHullDescriptor<'_>) -> Result<Self, Error> {
         let SgHullDescriptor {
             gatherer,
@@ -238,6 +246,7 @@ impl SgHull {
             components,
             cache,
         } = *descriptor;
+        check_constants(&gatherer.label, &gatherer.source, &gatherer.constants)?;
         let variant = HullVariant { albedo, glossy };
         screen::check_format(device, "SgHull target", target)?;
         let (compute, fragment) = (ShaderStages::COMPUTE, ShaderStages::FRAGMENT);
@@ -393,6 +402,7 @@ impl SgHull {
         Ok(Self {
             target,
             variant,
+            source: gatherer.source.clone(),
             bound: gatherer.layout.is_some(),
             receivers: ReceiversPass::new(device, cache)?,
             segment: kernel(
@@ -541,7 +551,9 @@ impl SgHull {
     /// # Errors
     /// What [`GBuffer::validate`] and [`SgHullSettings::validate`] find; [`Error::Format`], [`Error::Size`] or
     /// [`Error::Usage`] for the target; [`Error::Mismatch`] where the view has another size than the camera's viewport,
-    /// and where albedo, roughness or what the gatherer binds is missing; [`Error::Format`], [`Error::Size`] or
+    /// where albedo, roughness or what the gatherer binds is missing, and where that is another gatherer's or for another
+    /// origin; [`Error::Recording`] for surfels of a cloud that was recorded since, and for a map that was not recorded;
+    /// [`Error::Setting`] for an origin out of range; [`Error::Format`], [`Error::Size`] or
     /// [`Error::Usage`] for roughness.
     pub fn record(
         &self,
@@ -552,6 +564,7 @@ impl SgHull {
         hull: &SgHullView,
     ) -> Result<(), Error> {
         let (params, surface) = self.prepare(device, encoder, input, settings, hull)?;
+        let surface: Vec<_> = surface.iter().map(|(at, v)| (*at, view(v))).collect();
         encoder.clear_buffer(&hull.counts, 0, None);
         let shared = [(0, whole(&params)), (1, view(&hull.receivers.view))];
         let group = |layout, entries: &[_]| {
@@ -623,7 +636,7 @@ impl SgHull {
                     pass.set_pipeline(kernel);
                     pass.set_bind_group(0, *group, &[]);
                     if let Some(lights) = input.gather {
-                        pass.set_bind_group(1, lights, &[]);
+                        pass.set_bind_group(1, &lights.group, &[]);
                     }
                     pass.dispatch_workgroups_indirect(&hull.dispatch, 0);
                 }
@@ -682,7 +695,7 @@ impl SgHull {
         let mut pass = screen::begin(
             encoder,
             LABEL,
-            input.target,
+            &input.target,
             input.camera.viewport(),
             input.timestamps,
             false,
@@ -727,13 +740,14 @@ impl SgHull {
         hull: &SgHullView,
     ) -> Result<(), Error> {
         let (params, surface) = self.prepare(device, encoder, input, settings, hull)?;
+        let surface: Vec<_> = surface.iter().map(|(at, v)| (*at, view(v))).collect();
         let mut resources = vec![(0, whole(&params)), (1, view(&hull.receivers.view))];
         resources.extend(surface);
         let group = binding::group(device, LABEL, &self.exact_layout, &resources);
         let mut pass = screen::begin(
             encoder,
             LABEL,
-            input.target,
+            &input.target,
             input.camera.viewport(),
             input.timestamps,
             true,
@@ -741,31 +755,27 @@ impl SgHull {
         pass.set_pipeline(&self.exact);
         pass.set_bind_group(0, &group, &[]);
         if let Some(group) = input.gather {
-            pass.set_bind_group(1, group, &[]);
+            pass.set_bind_group(1, &group.group, &[]);
         }
         pass.draw(0..3, 0..1);
         Ok(())
     }
 
     /// Checks the input, records its receivers and makes the parameters, and what is bound of the surfaces' reflectance.
-    fn prepare<'v>(
+    fn prepare(
         &self,
         device: &Device,
         encoder: &mut CommandEncoder,
-        input: &SgHullInput<'v>,
+        input: &SgHullInput<'_>,
         settings: &SgHullSettings,
         hull: &SgHullView,
-    ) -> Result<(Buffer, Vec<(u32, BindingResource<'v>)>), Error> {
+    ) -> Result<(Buffer, Vec<(u32, TextureView)>), Error> {
         settings.validate()?;
         check_timestamps(input.timestamps)?;
         let viewport = input.camera.viewport();
         input.gbuffer.validate(viewport)?;
-        check_plain(
-            "SgHullInput::target",
-            input.target,
-            viewport,
-            TextureUsages::RENDER_ATTACHMENT,
-        )?;
+        const TARGET: &str = "SgHullInput::target";
+        screen::check_target(TARGET, &input.target, viewport, self.target)?;
         let mismatch = |name, found: String, needed: String| {
             Err(Error::Mismatch {
                 name,
@@ -773,14 +783,6 @@ impl SgHull {
                 needed,
             })
         };
-        let format = input.target.texture().format();
-        if format != self.target {
-            return mismatch(
-                "SgHull",
-                format!("{:?}", self.target),
-                format!("{format:?}"),
-            );
-        }
         let HullVariant { albedo, glossy } = self.variant;
         if albedo && input.gbuffer.albedo.is_none() {
             return mismatch(
@@ -795,6 +797,8 @@ impl SgHull {
             glossy.then_some("SgHullDescriptor::glossy"),
             viewport,
         )?;
+        let read = input.roughness.map(|r| ("SgHullInput::roughness", r, 1));
+        check_apart(TARGET, &input.target, input.gbuffer.reads().chain(read))?;
         if self.bound != input.gather.is_some() {
             return mismatch(
                 "SgHullInput::gather",
@@ -806,6 +810,10 @@ impl SgHull {
                 .into(),
                 "what the gatherer's layout is for".into(),
             );
+        }
+        check_origin("SgHullInput::origin", input.origin)?;
+        if let Some(gather) = input.gather {
+            gather.check(&self.source, input.origin)?;
         }
         if hull.receivers.size != [viewport.width, viewport.height] {
             return mismatch(
@@ -839,8 +847,8 @@ impl SgHull {
         );
         let albedo = input.gbuffer.albedo.filter(|_| albedo);
         let surface = [
-            albedo.map(|v| (6, view(v))),
-            roughness.map(|v| (7, view(v))),
+            albedo.map(|slice| (6, slice.read())),
+            roughness.map(|slice| (7, slice.read())),
         ];
         Ok((params, surface.into_iter().flatten().collect()))
     }

@@ -3,14 +3,16 @@
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use wgpu::{
-    BindGroup, Buffer, BufferUsages, CommandEncoder, Device, ShaderStages,
+    Buffer, BufferUsages, CommandEncoder, Device, ShaderStages,
     util::{BufferInitDescriptor, DeviceExt},
 };
 
-use super::gatherer::Gatherer;
+use super::{
+    bound::{GathererBinding, Origin, check_origin},
+    gatherer::Gatherer,
+};
 use crate::{
     error::Error,
-    geometry::{check_size, check_usage},
     gpu::binding::{self, READ, UNIFORM, whole},
     shell_splatter::{
         SurfelClusters,
@@ -75,7 +77,8 @@ impl Gatherer {
     ///
     /// # Errors
     /// What [`SplatSettings::validate`] finds; [`Error::Mismatch`] for clusters of another cloud's capacity or recorded with
-    /// other settings (but for the seed), and for another gatherer; [`Error::Buffer`] for radiance that is too small or lacks
+    /// other settings (but for the seed), and for another gatherer; [`Error::Recording`] for clusters that were not recorded from
+    /// this cloud, since that was; [`Error::Setting`] for an origin that is not finite; [`Error::Buffer`] for radiance that is too small or lacks
     /// usage `STORAGE`.
     pub fn bind_surfels(
         &self,
@@ -83,7 +86,9 @@ impl Gatherer {
         encoder: &mut CommandEncoder,
         light: &SurfelLight<'_>,
         origin: DVec3,
-    ) -> Result<BindGroup, Error> {
+    ) -> Result<GathererBinding, Error> {
+        self.check_kind(SURFELS, "Gatherer::surfels")?;
+        check_origin("Gatherer::bind_surfels origin", origin)?;
         let SurfelLight {
             cloud,
             clusters,
@@ -92,9 +97,8 @@ impl Gatherer {
         } = light;
         settings.validate()?;
         clusters.check(cloud, settings)?;
-        check_usage("SurfelLight::radiance", radiance)?;
-        check_size("SurfelLight::radiance", radiance, radiance_bytes(cloud))?;
-        let layout = self.bound_layout()?;
+        let bytes = radiance_bytes(cloud);
+        binding::check_first(device, "SurfelLight::radiance", radiance, bytes)?;
         let params = SurfelGatherParams::new(settings, clusters, origin - cloud.origin());
         let params = device.create_buffer_init(&BufferInitDescriptor {
             label: Some(LABEL),
@@ -108,10 +112,15 @@ impl Gatherer {
             (0, whole(&params)),
             (1, whole(&cloud.surfels)),
             (2, whole(&cloud.sources)),
-            (3, whole(radiance)),
+            (3, binding::first(radiance, bytes)),
             (4, whole(&clusters.buffer)),
         ];
-        Ok(binding::group(device, LABEL, layout, &resources))
+        self.bound(
+            device,
+            &binding::entries(&resources),
+            Origin::At(origin),
+            Some(cloud.last()?),
+        )
     }
 }
 

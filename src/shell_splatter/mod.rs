@@ -18,12 +18,14 @@ use crate::{
     effect::Effect,
     error::{Error, check_setting},
     gbuffer::GBuffer,
+    geometry::Material,
     gpu::{
         Kernel, Timestamps,
         binding::{self, READ, UINT_2D, UNIFORM, WRITE, whole},
         check_timestamps, compute_pass, dispatch, shader, storage, uniform,
     },
     receivers::{ListedReceiversPass, Receivers, ReceiversPass, plane, plane_bytes},
+    recorded::{Last, Stamp, never},
     shaders::{Listing, name_of},
     surfel::SurfelCloud,
     surfelizer::settings::Reach,
@@ -72,7 +74,7 @@ pub struct SurfelClusters {
     pub(crate) places: Vec<LevelPlace>,
     capacity: u32,
     /// What the bounds were last recorded for: surfels reach no farther than these settings let them.
-    recorded: Option<SplatSettings>,
+    recorded: Option<(SplatSettings, Stamp)>,
 }
 
 impl SurfelClusters {
@@ -81,14 +83,18 @@ impl SurfelClusters {
         self.buffer.size() + self.dispatches.size()
     }
 
-    /// That they were recorded with these settings for a cloud of this capacity.
+    /// That they were recorded with these settings from this cloud, since that was.
     pub(crate) fn check(&self, cloud: &SurfelCloud, settings: &SplatSettings) -> Result<(), Error> {
         check_clusters(cloud, settings, self)?;
-        if self.recorded != Some(bounds_of(settings)) {
+        const NAME: &str = "SurfelClusters";
+        cloud.last()?;
+        let (recorded, of) = self.recorded.as_ref().ok_or_else(|| never(NAME))?;
+        cloud.check_source(NAME, of)?;
+        if *recorded != bounds_of(settings) {
             return Err(Error::Mismatch {
-                name: "SurfelClusters",
-                found: format!("{:?}", self.recorded),
-                needed: format!("recorded with {:?}", bounds_of(settings)),
+                name: NAME,
+                found: format!("recorded with {recorded:?}"),
+                needed: format!("{:?}", bounds_of(settings)),
             });
         }
         Ok(())
@@ -106,6 +112,16 @@ pub struct SplatView {
     format: TextureFormat,
     levels: u32,
     statistics: Option<Buffer>,
+    pub(crate) recorded: Last<Splatted>,
+}
+
+/// What a view's sums are of.
+#[derive(Clone, Debug)]
+pub(crate) struct Splatted {
+    pub levels: u32,
+    pub sub_image: Option<u32>,
+    /// The cloud's recording.
+    pub of: Stamp,
 }
 
 impl SplatView {
@@ -191,9 +207,10 @@ impl ShellSplatter {
     ///
     /// # Errors
     /// [`Error::Feature`] where subgroups are asked for and the device lacks them, [`Error::Effect`] where the effect's
-    /// source has a malformed directive. WGSL that does not compile is wgpu's own validation error, as for any shader.
+    /// source has a malformed directive or not the constants that are given. WGSL that does not compile is wgpu's own validation error, as for any shader.
     pub fn new(device: &Device, descriptor: &ShellSplatterDescriptor<'_>) -> Result<Self, Error> {
         let effect = descriptor.effect;
+        effect.check()?;
         if descriptor.subgroups && !device.features().contains(Features::SUBGROUP) {
             return Err(Error::Feature {
                 feature: Features::SUBGROUP,
@@ -302,7 +319,7 @@ impl ShellSplatter {
             buffer: storage(
                 device,
                 "deep-screen-space surfel clusters",
-                count * 32,
+                count.max(1) * 32,
                 BufferUsages::empty(),
             )?,
             dispatches: storage(
@@ -353,6 +370,7 @@ impl ShellSplatter {
             format,
             levels,
             statistics,
+            recorded: Last::default(),
         })
     }
 
@@ -360,7 +378,7 @@ impl ShellSplatter {
     ///
     /// # Errors
     /// [`Error::Setting`], or [`Error::Mismatch`] where the clusters were made for another cloud's capacity or fewer
-    /// levels.
+    /// levels; [`Error::Recording`] for a cloud that was not recorded.
     pub fn record_clusters(
         &self,
         device: &Device,
@@ -373,7 +391,8 @@ impl ShellSplatter {
         check_timestamps(input.timestamps)?;
         let cloud = input.cloud;
         check_clusters(cloud, settings, clusters)?;
-        let materials = self.check_materials(input.materials)?;
+        let of = cloud.last()?;
+        let materials = self.check_materials(device, input.materials)?;
         let mut pass = compute_pass(encoder, &label(&self.effect, "clusters"), input.timestamps);
         let plan = binding::group(
             device,
@@ -399,7 +418,7 @@ impl ShellSplatter {
                 (3, whole(&cloud.counters)),
                 (4, whole(&clusters.buffer)),
             ];
-            resources.extend(materials.map(|m| (7, whole(m))));
+            resources.extend(materials.map(|m| (7, binding::table::<Material>(m))));
             let group = binding::group(device, LABEL, &self.build_layout, &resources);
             pass.push_debug_group(&format!("level {level}"));
             pass.set_bind_group(0, &group, &[]);
@@ -410,7 +429,7 @@ impl ShellSplatter {
             pass.dispatch_workgroups_indirect(&clusters.dispatches, at + DISPATCH_BYTES);
             pass.pop_debug_group();
         }
-        clusters.recorded = Some(bounds_of(settings));
+        clusters.recorded = Some((bounds_of(settings), of));
         Ok(())
     }
 
@@ -418,8 +437,9 @@ impl ShellSplatter {
     ///
     /// # Errors
     /// What [`GBuffer::validate`], [`SplatSettings::validate`] and [`WorkList::validate`] find; [`Error::Mismatch`] where the
-    /// view has another size than the camera's viewport or the work's sub-image, or fewer levels than the settings, and where the clusters were last recorded with
-    /// other settings (but for the seed); [`Error::Buffer`] for a missing material table.
+    /// view has another size than the camera's viewport or the work's sub-image, or fewer levels than the settings, and where the
+    /// clusters were last recorded with other settings (but for the seed); [`Error::Recording`] where they were not recorded from
+    /// this cloud, since that was; [`Error::Buffer`] for a missing material table.
     pub fn record(
         &self,
         device: &Device,
@@ -433,9 +453,9 @@ impl ShellSplatter {
         let viewport = input.camera.viewport();
         input.gbuffer.validate(viewport)?;
         input.clusters.check(input.cloud, settings)?;
-        let materials = self.check_materials(input.materials)?;
+        let materials = self.check_materials(device, input.materials)?;
         if let Some(work) = &input.work {
-            work.validate(viewport)?;
+            work.check(device, viewport)?;
         }
         let sub_image = input.work.as_ref().map_or(0, |work| work.level);
         let size = level_size([viewport.width, viewport.height], sub_image);
@@ -458,6 +478,11 @@ impl ShellSplatter {
                 ),
             });
         }
+        view.recorded.set(Splatted {
+            levels: settings.levels,
+            sub_image: input.work.as_ref().map(|work| work.level),
+            of: input.cloud.last()?,
+        });
         if let Some(statistics) = &view.statistics {
             encoder.clear_buffer(statistics, 0, None);
         }
@@ -494,7 +519,7 @@ impl ShellSplatter {
                 (5, binding::view(&view.receivers.view)),
                 (6, binding::view(&view.sums)),
             ];
-            resources.extend(materials.map(|m| (7, whole(m))));
+            resources.extend(materials.map(|m| (7, binding::table::<Material>(m))));
             if let Some(statistics) = &view.statistics {
                 resources.push((8, whole(statistics)));
             }
@@ -513,24 +538,19 @@ impl ShellSplatter {
 
     fn check_materials<'m>(
         &self,
+        device: &Device,
         materials: Option<&'m Buffer>,
     ) -> Result<Option<&'m Buffer>, Error> {
+        const MATERIALS: &str = "materials";
         if !self.effect.materials {
             return Ok(None);
         }
-        let problem = |found: String| Error::Buffer {
-            name: "materials",
-            found,
-            needed: "usage STORAGE and at least 32 bytes, since the effect reads materials".into(),
-        };
-        let buffer = materials.ok_or_else(|| problem("not been given".into()))?;
-        if !buffer.usage().contains(BufferUsages::STORAGE) || buffer.size() < 32 {
-            return Err(problem(format!(
-                "usage {:?}, {} bytes",
-                buffer.usage(),
-                buffer.size()
-            )));
-        }
+        let buffer = materials.ok_or_else(|| Error::Buffer {
+            name: MATERIALS,
+            found: "not been given".into(),
+            needed: "a table of materials, since the effect reads them".into(),
+        })?;
+        binding::check_table::<Material>(device, MATERIALS, buffer)?;
         Ok(Some(buffer))
     }
 }

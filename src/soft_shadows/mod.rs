@@ -4,7 +4,7 @@ pub(crate) mod params;
 pub(crate) mod settings;
 
 use wgpu::{
-    CommandEncoder, Device, PipelineCache, TextureFormat, TextureView, TextureViewDimension,
+    CommandEncoder, Device, PipelineCache, TextureFormat, TextureUsages, TextureViewDimension,
 };
 
 use self::{params::SoftShadowsParams, settings::SoftShadowsSettings};
@@ -20,6 +20,7 @@ use crate::{
     light::Light,
     shaders::Listing,
     surfel_shader::{ShadowMap, params::ShadowParams},
+    texture_slice::{TextureSlice, check_apart},
     work::{WorkKernel, WorkKernelDescriptor, WorkList, check_work},
 };
 
@@ -63,7 +64,7 @@ pub struct SoftShadowsInput<'a> {
     /// Where visibility goes, 1 for what is wholly lit and for the sky: a texture of the size of the work's level
     /// (`⌈size / 2^level⌉`) or larger, `R32Float`, usage `STORAGE_BINDING`. Pixels that are not listed are left as they
     /// are.
-    pub target: &'a TextureView,
+    pub target: TextureSlice<'a>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -123,12 +124,15 @@ impl SoftShadows {
         input.map.validate()?;
         let work = input.work.as_ref();
         let level = check_work(
+            device,
             "SoftShadowsInput::target",
             work,
             viewport,
-            input.target,
+            &input.target,
             TextureFormat::R32Float,
         )?;
+        let reads = input.gbuffer.reads().chain([input.map.reads()]);
+        check_apart("SoftShadowsInput::target", &input.target, reads)?;
         let params = uniform(
             device,
             LABEL,
@@ -139,13 +143,16 @@ impl SoftShadows {
             LABEL,
             &ShadowParams::new(&input.map, input.camera.eye()),
         );
+        let [depth, normal] = [input.gbuffer.depth, input.gbuffer.normal].map(|slice| slice.read());
+        let map = input.map.view();
+        let target = input.target.view(TextureUsages::STORAGE_BINDING);
         let resources = vec![
             (0, whole(&params)),
-            (1, view(input.gbuffer.depth)),
-            (2, view(input.gbuffer.normal)),
+            (1, view(&depth)),
+            (2, view(&normal)),
             (3, whole(&shadow)),
-            (4, view(input.map.depth)),
-            (5, view(input.target)),
+            (4, view(&map)),
+            (5, view(&target)),
         ];
         let is_hard = usize::from(settings.extent == 0.0);
         let has_one_map = usize::from(input.map.cameras.len() == 1);

@@ -4,9 +4,8 @@ pub(crate) mod params;
 pub(crate) mod settings;
 
 use wgpu::{
-    BindGroupLayout, BindingResource, BindingType, Buffer, BufferBinding, BufferUsages,
-    CommandEncoder, ComputePipeline, Device, PipelineCache, ShaderStages, TextureUsages,
-    TextureView,
+    BindGroupLayout, BindingType, Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device,
+    PipelineCache, ShaderStages, TextureUsages, TextureView,
 };
 
 use self::{
@@ -17,7 +16,7 @@ use crate::{
     bvh::SenderBounds,
     camera::Camera,
     error::{Error, check_limit, check_setting},
-    geometry::{Material, check_size, check_usage},
+    geometry::Material,
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_ARRAY, READ, UINT_2D, UNIFORM, WRITE, view, whole},
@@ -27,6 +26,7 @@ use crate::{
     shaders::{Listing, name_of},
     surfel::{SurfelCloud, SurfelRadiance},
     surfelizer::settings::Placement,
+    texture_slice::{Read, TextureSlice, check_layers},
 };
 
 const SOURCE: &str = include_str!("../../wgsl/surfel_shader.wgsl");
@@ -75,9 +75,10 @@ pub enum Shadow<'a> {
 /// coarsest) and is in shadow where the depth there is nearer than its own. Outside of all frusta it is lit.
 #[derive(Clone, Copy, Debug)]
 pub struct ShadowMap<'a> {
-    /// A `D2Array` view, also of a texture with one layer: a depth format (of one with stencil the depth aspect alone),
-    /// or `R32Float` with the same values. Usage `TEXTURE_BINDING`, one sample a texel.
-    pub depth: &'a TextureView,
+    /// The layer of the first camera; those of the others follow it. A whole map, a range of an array's layers, some of a
+    /// cube's faces or all six: a depth format (of one with stencil the depth is read), or `R32Float` with the same values.
+    /// Usage `TEXTURE_BINDING`, one sample a texel.
+    pub depth: TextureSlice<'a>,
     /// What the layers were drawn with, in order, 1…6: one for a directional or spot light, six for a point light. A
     /// camera's viewport says which rectangle of its layer it fills. Depth is what the camera's projection makes of it:
     /// forward or reversed, perspective or orthographic.
@@ -93,9 +94,9 @@ pub struct ShadowMap<'a> {
 
 impl<'a> ShadowMap<'a> {
     /// A map with the default bias.
-    pub fn new(depth: &'a TextureView, cameras: &'a [Camera]) -> Self {
+    pub fn new(depth: impl Into<TextureSlice<'a>>, cameras: &'a [Camera]) -> Self {
         Self {
-            depth,
+            depth: depth.into(),
             cameras,
             bias: 1.0,
         }
@@ -119,8 +120,9 @@ impl<'a> ShadowMap<'a> {
             self.bias,
             "0 to 100 texels",
         )?;
-        let texture = self.depth.texture();
-        let format = texture.format();
+        let layers = self.cameras.len() as u32;
+        check_layers(DEPTH, &self.depth, layers, TextureUsages::TEXTURE_BINDING)?;
+        let format = self.depth.view_format();
         if !(format.has_depth_aspect() || format == wgpu::TextureFormat::R32Float) {
             return Err(Error::Format {
                 name: DEPTH,
@@ -128,39 +130,27 @@ impl<'a> ShadowMap<'a> {
                 accepted: "a depth format or R32Float",
             });
         }
-        if !texture.usage().contains(TextureUsages::TEXTURE_BINDING) {
-            return Err(Error::Usage {
-                name: DEPTH,
-                usage: texture.usage(),
-                needed: TextureUsages::TEXTURE_BINDING,
-            });
-        }
-        let layers = texture.depth_or_array_layers() as usize;
-        if texture.dimension() != wgpu::TextureDimension::D2
-            || texture.sample_count() != 1
-            || layers < self.cameras.len()
-        {
-            return Err(Error::Shape {
-                name: DEPTH,
-                found: format!(
-                    "dimension {:?}, {layers} layers, {} samples a texel",
-                    texture.dimension(),
-                    texture.sample_count()
-                ),
-                needed: "a 2-D texture with a layer a camera and one sample a texel",
-            });
-        }
+        let size = self.depth.size();
         for camera in self.cameras {
             let needed = camera.viewport().end();
-            if texture.width() < needed[0] || texture.height() < needed[1] {
+            if size[0] < needed[0] || size[1] < needed[1] {
                 return Err(Error::Size {
                     name: DEPTH,
-                    size: [texture.width(), texture.height()],
+                    size,
                     needed,
                 });
             }
         }
         Ok(())
+    }
+
+    /// A view of the cameras' layers.
+    pub(crate) fn view(&self) -> TextureView {
+        self.depth.read_layers(self.cameras.len() as u32)
+    }
+
+    pub(crate) fn reads(&self) -> Read<'_> {
+        ("ShadowMap::depth", self.depth, self.cameras.len() as u32)
     }
 }
 
@@ -232,7 +222,8 @@ impl SurfelShader {
     ///
     /// # Errors
     /// What [`SurfelShaderSettings::validate`], [`Light::validate`] and [`ShadowMap::validate`] find;
-    /// [`Error::Mismatch`] for bounds of another cloud's capacity, or of disks;
+    /// [`Error::Mismatch`] for bounds of another cloud's capacity, or of disks; [`Error::Recording`] for a cloud that was not
+    /// recorded, and for bounds that were not recorded from it, since that was;
     /// [`Error::Buffer`] for materials or radiance that are too small, lack a usage or are the same buffer as another
     /// one, [`Error::Limit`] for more materials than the device can bind. All before anything is recorded.
     pub fn record(
@@ -254,6 +245,7 @@ impl SurfelShader {
                 }
             }
         }
+        input.cloud.last()?;
         check_buffers(device, input)?;
 
         // The emission is written by the first dispatch: without a light that shines, by one without any.
@@ -308,24 +300,18 @@ impl SurfelShader {
             (1, whole(&cloud.surfels)),
             (2, whole(&cloud.sources)),
             (3, whole(&cloud.counters)),
-            (4, whole(input.materials)),
-            (
-                5,
-                BindingResource::Buffer(BufferBinding {
-                    buffer: input.radiance,
-                    offset: 0,
-                    size: std::num::NonZeroU64::new(radiance_bytes(cloud)),
-                }),
-            ),
+            (4, binding::table::<Material>(input.materials)),
+            (5, binding::first(input.radiance, radiance_bytes(cloud))),
         ];
         if samples > 1 {
             resources.push((6, whole(&cloud.pieces)));
         }
-        let shadow;
+        let (shadow, depth);
         let kernels = match shaded.map(|s| &s.shadow) {
             Some(Shadow::Map(map)) => {
                 shadow = uniform(device, LABEL, &ShadowParams::new(map, cloud.origin));
-                resources.extend([(7, whole(&shadow)), (8, view(map.depth))]);
+                depth = map.view();
+                resources.extend([(7, whole(&shadow)), (8, view(&depth))]);
                 &self.mapped
             }
             Some(Shadow::Traced(bounds)) => {
@@ -400,31 +386,23 @@ fn source(variant: ShadeVariant) -> Result<String, Error> {
     match variant.shadow {
         ShadowKind::None => {}
         ShadowKind::Map => flags.push("SHADOW_MAP"),
-        ShadowKind::Traced => flags.push("SHADOW_TRACED"),
+        ShadowKind::Traced => flags.extend(["SHADOW_TRACED", "SHADOW_RAYS"]),
     }
     flags.extend(variant.samples.then_some("SAMPLES"));
     shader::assemble("surfel_shader", SOURCE, &flags, &[])
 }
 
-/// Bytes of radiance for all surfels that a cloud can hold.
+/// Bytes of radiance for all surfels that a cloud can hold, and for one at least: no less can be bound.
 pub(crate) fn radiance_bytes(cloud: &SurfelCloud) -> u64 {
-    u64::from(cloud.capacity.surfels) * size_of::<SurfelRadiance>() as u64
+    u64::from(cloud.capacity.surfels.max(1)) * size_of::<SurfelRadiance>() as u64
 }
 
 fn check_buffers(device: &Device, input: &SurfelShaderInput<'_>) -> Result<(), Error> {
     const MATERIALS: &str = "SurfelShaderInput::materials";
     const RADIANCE: &str = "SurfelShaderInput::radiance";
     let cloud = input.cloud;
-    check_usage(MATERIALS, input.materials)?;
-    check_size(MATERIALS, input.materials, size_of::<Material>() as u64)?;
-    check_limit(
-        "max_storage_buffer_binding_size",
-        device.limits().max_storage_buffer_binding_size,
-        input.materials.size(),
-        MATERIALS,
-    )?;
-    check_usage(RADIANCE, input.radiance)?;
-    check_size(RADIANCE, input.radiance, radiance_bytes(cloud))?;
+    binding::check_table::<Material>(device, MATERIALS, input.materials)?;
+    binding::check_first(device, RADIANCE, input.radiance, radiance_bytes(cloud))?;
     // A kernel cannot read what it writes.
     let read = [
         input.materials,
@@ -433,14 +411,7 @@ fn check_buffers(device: &Device, input: &SurfelShaderInput<'_>) -> Result<(), E
         &cloud.counters,
         &cloud.pieces,
     ];
-    if read.contains(&input.radiance) {
-        return Err(Error::Buffer {
-            name: RADIANCE,
-            found: "a buffer that is read".into(),
-            needed: "a buffer of its own".into(),
-        });
-    }
-    Ok(())
+    binding::check_own(RADIANCE, input.radiance, read)
 }
 
 /// Every module of the pass.

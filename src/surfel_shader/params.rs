@@ -117,7 +117,7 @@ impl ShadowParams {
             count: map.cameras.len() as u32,
             bias: map.bias,
             // The stored depth was rounded, and so was the vertices' interpolation before it.
-            depth_step: 2.0 * depth_step(map.depth.texture().format()),
+            depth_step: 2.0 * depth_step(map.depth.view_format()),
             padding: 0.0,
         }
     }

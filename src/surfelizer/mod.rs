@@ -210,6 +210,7 @@ impl Surfelizer {
             &[(5, whole(&cloud.surfels)), (6, whole(&cloud.sources))],
         );
 
+        cloud.recordings.advance();
         cloud.origin = input.camera.eye();
         cloud.placement = settings.placement;
         cloud.perspective = input.camera.is_perspective();

@@ -13,7 +13,7 @@ use crate::{
     camera::{Camera, Viewport},
     effect::Channels,
     error::{Error, check_setting},
-    gbuffer::{GBuffer, check_plain, samples_as_float},
+    gbuffer::{GBuffer, samples_as_float},
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_2D, UINT_2D, UNIFORM, view, whole},
@@ -23,6 +23,7 @@ use crate::{
     },
     receivers::{Receivers, ReceiversPass, plane, plane_bytes},
     shaders::Listing,
+    texture_slice::{TextureSlice, check_apart, check_slice},
 };
 
 const SOURCE: &str = include_str!("../../wgsl/temporal_accumulator.wgsl");
@@ -101,7 +102,7 @@ impl TemporalHistory {
 pub struct MotionVectors<'a> {
     /// A vector a pixel in the first two components, of any float or snorm format, usage `TEXTURE_BINDING`, covering
     /// the camera's viewport. One that is not finite, or leads out of the viewport, drops the pixel's history.
-    pub view: &'a TextureView,
+    pub texture: TextureSlice<'a>,
     /// What makes a vector the pixel's position in this frame less its surface's in the last, as a share of the
     /// viewport's width and height, y down: `[1, 1]` for vectors in such units (UV), `[1 / width, 1 / height]` for
     /// those in pixels, `[0.5, -0.5]` for those in NDC, and the opposite signs for those that point into the past.
@@ -111,9 +112,9 @@ pub struct MotionVectors<'a> {
 
 impl<'a> MotionVectors<'a> {
     /// Vectors in UV.
-    pub const fn uv(view: &'a TextureView) -> Self {
+    pub fn uv(texture: impl Into<TextureSlice<'a>>) -> Self {
         Self {
-            view,
+            texture: texture.into(),
             scale: [1.0, 1.0],
         }
     }
@@ -135,10 +136,10 @@ pub struct TemporalInput<'a> {
     pub motion: Option<MotionVectors<'a>>,
     /// This frame's picture: any float, snorm or unorm format with one component or three, by the channels. Usage
     /// `TEXTURE_BINDING`, covering the camera's viewport. It may be the target.
-    pub picture: &'a TextureView,
+    pub picture: TextureSlice<'a>,
     /// The caller's texture, of the format that the accumulator was made for, usage `RENDER_ATTACHMENT`, covering the
     /// camera's viewport. Only the viewport is written: one channel into all three colours, alpha 1.
-    pub target: &'a TextureView,
+    pub target: TextureSlice<'a>,
     /// Drops the history of all pixels, as a camera's cut needs.
     pub reset: bool,
     /// Where to write begin and end times, if anywhere.
@@ -278,15 +279,17 @@ impl TemporalAccumulator {
         );
 
         let (layout, pipeline) = &self.accumulate[usize::from(input.motion.is_some())];
+        let picture = input.picture.read();
+        let motion = input.motion.map(|motion| motion.texture.read());
         let mut resources = vec![
             (0, whole(&params)),
             (1, view(&next.receivers.view)),
             (2, view(&last.receivers.view)),
             (3, view(&last.means)),
-            (4, view(input.picture)),
+            (4, view(&picture)),
             (6, view(&next.means)),
         ];
-        resources.extend(input.motion.map(|motion| (5, view(motion.view))));
+        resources.extend(motion.as_ref().map(|motion| (5, view(motion))));
         let group = binding::group(device, LABEL, layout, &resources);
         let mut pass = first_pass(encoder, LABEL, input.timestamps);
         pass.set_pipeline(pipeline);
@@ -301,7 +304,7 @@ impl TemporalAccumulator {
             encoder,
             LABEL,
             (pipeline, &group),
-            input.target,
+            &input.target,
             viewport,
             input.timestamps,
             false,
@@ -324,15 +327,15 @@ impl TemporalAccumulator {
         };
         check_floats(
             "TemporalInput::picture",
-            input.picture,
+            &input.picture,
             viewport,
             components,
             accepted,
         )?;
         if let Some(motion) = input.motion {
             check_floats(
-                "MotionVectors::view",
-                motion.view,
+                "MotionVectors::texture",
+                &motion.texture,
                 viewport,
                 2,
                 "a float, snorm or unorm format with two components or more",
@@ -346,16 +349,12 @@ impl TemporalAccumulator {
                 )?;
             }
         }
-        let needed = TextureUsages::RENDER_ATTACHMENT;
-        check_plain("TemporalInput::target", input.target, viewport, needed)?;
-        let format = input.target.texture().format();
-        if format != self.target {
-            return Err(Error::Mismatch {
-                name: "TemporalAccumulator",
-                found: format!("{:?}", self.target),
-                needed: format!("{format:?}"),
-            });
-        }
+        const TARGET: &str = "TemporalInput::target";
+        screen::check_target(TARGET, &input.target, viewport, self.target)?;
+        let motion = input.motion.as_ref();
+        let motion = motion.map(|motion| ("MotionVectors::texture", motion.texture, 1));
+        let reads = input.gbuffer.reads().chain(motion);
+        check_apart(TARGET, &input.target, reads)?;
         let previous = input.previous_camera.viewport();
         if [previous.width, previous.height] != size {
             return Err(Error::Mismatch {
@@ -381,13 +380,13 @@ impl TemporalAccumulator {
 
 fn check_floats(
     name: &'static str,
-    view: &TextureView,
+    slice: &TextureSlice<'_>,
     viewport: Viewport,
     components: u8,
     accepted: &'static str,
 ) -> Result<(), Error> {
-    check_plain(name, view, viewport, TextureUsages::TEXTURE_BINDING)?;
-    let format = view.texture().format();
+    check_slice(name, slice, viewport, TextureUsages::TEXTURE_BINDING)?;
+    let format = slice.view_format();
     if !samples_as_float(format) || format.components() < components {
         return Err(Error::Format {
             name,

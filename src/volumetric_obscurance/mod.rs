@@ -6,7 +6,7 @@ pub(crate) mod samples;
 pub(crate) mod settings;
 
 use wgpu::{
-    CommandEncoder, Device, PipelineCache, TextureFormat, TextureView, TextureViewDimension,
+    CommandEncoder, Device, PipelineCache, TextureFormat, TextureUsages, TextureViewDimension,
 };
 
 use self::{
@@ -24,6 +24,7 @@ use crate::{
         check_timestamps, shader, uniform,
     },
     shaders::{Listing, name_of},
+    texture_slice::{TextureSlice, check_apart},
     work::{WorkKernel, WorkKernelDescriptor, WorkList, check_work},
 };
 
@@ -69,7 +70,7 @@ pub struct VolumetricObscurance {
 #[derive(Clone, Copy, Debug)]
 pub struct ObscuranceInput<'a> {
     /// Depth, as [`GBuffer::depth`](crate::GBuffer::depth).
-    pub depth: &'a TextureView,
+    pub depth: TextureSlice<'a>,
     /// Normals ([`GBuffer::normals`](crate::GBuffer::normals)); [`ObscuranceVolume::Sphere`] reads none, the others need them.
     pub normals: Option<Normals<'a>>,
     /// The camera of both.
@@ -80,7 +81,7 @@ pub struct ObscuranceInput<'a> {
     pub work: Option<WorkList<'a>>,
     /// Where to write the open share, 0…1 with 1 for open, sky among it: `R32Float`, usage `STORAGE_BINDING`, at least of the
     /// viewport's size (that of the work list's level), from the corner. Pixels that are not computed stay.
-    pub target: &'a TextureView,
+    pub target: TextureSlice<'a>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -155,13 +156,13 @@ impl VolumetricObscurance {
         &self,
         device: &Device,
         encoder: &mut CommandEncoder,
-        depth: &TextureView,
+        depth: TextureSlice<'_>,
         camera: &Camera,
         moments: &DepthMoments,
         timestamps: Option<Timestamps<'_>>,
     ) -> Result<(), Error> {
         check_timestamps(timestamps)?;
-        check_depth("depth", depth, camera.viewport())?;
+        check_depth("depth", &depth, camera.viewport())?;
         check_moments(moments, camera)?;
         let Some(pass) = &self.moments else {
             return Err(Error::Mismatch {
@@ -170,7 +171,8 @@ impl VolumetricObscurance {
                 needed: "Areas or OneArea, which read moments".into(),
             });
         };
-        pass.record(device, encoder, depth, camera, moments, timestamps);
+        pass.record(device, encoder, &depth.read(), camera, moments, timestamps);
+        moments.recorded.set(*camera);
         Ok(())
     }
 
@@ -179,7 +181,7 @@ impl VolumetricObscurance {
     /// # Errors
     /// [`Error::Setting`] for the settings and the list's level, [`Error::Format`], [`Error::Size`], [`Error::Shape`] or
     /// [`Error::Usage`] for a texture, [`Error::Buffer`] for the list's, [`Error::Mismatch`] where normals or moments are
-    /// missing, or are of another view.
+    /// missing, or are of another view; [`Error::Recording`] for moments that were not recorded.
     pub fn record(
         &self,
         device: &Device,
@@ -187,10 +189,12 @@ impl VolumetricObscurance {
         input: &ObscuranceInput<'_>,
         settings: &ObscuranceSettings,
     ) -> Result<(), Error> {
+        const DEPTH: &str = "ObscuranceInput::depth";
+        const NORMALS: &str = "ObscuranceInput::normals";
         settings.validate()?;
         check_timestamps(input.timestamps)?;
         let viewport = input.camera.viewport();
-        check_depth("ObscuranceInput::depth", input.depth, viewport)?;
+        check_depth(DEPTH, &input.depth, viewport)?;
         let missing = |name, needed: String| Error::Mismatch {
             name,
             found: "none".into(),
@@ -199,11 +203,10 @@ impl VolumetricObscurance {
         let normals = if self.volume == ObscuranceVolume::Sphere {
             None
         } else {
-            const NAME: &str = "ObscuranceInput::normals";
             let normals = input
                 .normals
-                .ok_or_else(|| missing(NAME, format!("some, for {:?}", self.volume)))?;
-            normals.check(NAME, viewport)?;
+                .ok_or_else(|| missing(NORMALS, format!("some, for {:?}", self.volume)))?;
+            normals.check(NORMALS, viewport)?;
             Some(normals)
         };
         let moments = if takes_areas(self.sampling) {
@@ -212,28 +215,43 @@ impl VolumetricObscurance {
                 .moments
                 .ok_or_else(|| missing(NAME, format!("some, for {:?}", self.sampling)))?;
             check_moments(moments, input.camera)?;
+            let camera = moments.recorded.get("DepthMoments")?;
+            if camera != *input.camera {
+                return Err(Error::Mismatch {
+                    name: "DepthMoments",
+                    found: format!("recorded for {camera:?}"),
+                    needed: format!("{:?}", input.camera),
+                });
+            }
             Some(moments)
         } else {
             None
         };
         let level = check_work(
+            device,
             "ObscuranceInput::target",
             input.work.as_ref(),
             viewport,
-            input.target,
+            &input.target,
             TARGET,
+        )?;
+        let reads = [(DEPTH, input.depth, 1)];
+        let normal = normals.map(|normals| (NORMALS, normals.texture, 1));
+        check_apart(
+            "ObscuranceInput::target",
+            &input.target,
+            reads.into_iter().chain(normal),
         )?;
         let params = uniform(
             device,
             LABEL,
             &ObscuranceParams::new(settings, self.sampling, self.volume, input, level),
         );
-        let mut resources = vec![
-            (0, whole(&params)),
-            (1, view(input.depth)),
-            (2, view(input.target)),
-        ];
-        resources.extend(normals.map(|normals| (3, view(normals.view))));
+        let depth = input.depth.read();
+        let target = input.target.view(TextureUsages::STORAGE_BINDING);
+        let normals = normals.map(|normals| normals.texture.read());
+        let mut resources = vec![(0, whole(&params)), (1, view(&depth)), (2, view(&target))];
+        resources.extend(normals.as_ref().map(|normals| (3, view(normals))));
         resources.extend(moments.map(|moments| (5, whole(&moments.buffer))));
         self.kernel.record(
             device,

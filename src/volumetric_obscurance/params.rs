@@ -72,7 +72,7 @@ impl ObscuranceParams {
             back,
             thickness: settings.thickness.min(FAR),
             normals: input.normals.map_or([0, 0], |normals| normals.params()),
-            depth_step: depth_step(input.depth.texture().format()),
+            depth_step: depth_step(input.depth.view_format()),
             depth_relative: DEPTH_RELATIVE,
             radii: [settings.radius, second.map_or(0.0, |s| s.radius)].map(|r| r.min(FAR)),
             radius_count: 1 + u32::from(second.is_some()),

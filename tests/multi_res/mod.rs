@@ -21,7 +21,7 @@ use crate::{
 
 /// The texels of a level of an effect's, three channels each whatever its format.
 pub fn read_image(gpu: &Gpu, view: &wgpu::TextureView) -> Vec<DVec3> {
-    let texels = multires::read_image(gpu, view);
+    let texels = multires::read_image(gpu, view.texture());
     texels
         .iter()
         .map(|t| DVec3::from(t.map(f64::from)))
@@ -139,8 +139,8 @@ impl Frame {
 
     pub fn gbuffer(&self) -> GBuffer<'_> {
         GBuffer {
-            depth: &self.depth_view,
-            normal: &self.normal_view,
+            depth: self.depth_view.texture().into(),
+            normal: self.normal_view.texture().into(),
             normal_encoding: NormalEncoding::Signed,
             normal_space: NormalSpace::World,
             albedo: None,

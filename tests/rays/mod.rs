@@ -8,7 +8,7 @@ use std::sync::{LazyLock, OnceLock};
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Camera,
     CloudCapacity, Geometry, HitReconstructor, HitReconstructorDescriptor, HitReconstructorInput,
-    HitReconstructorSettings, Mesh, Payload, Piece, Sampling, SenderBounds, SurfelCloud,
+    HitReconstructorSettings, Light, Mesh, Payload, Piece, Sampling, SenderBounds, SurfelCloud,
     SurfelCounts, SurfelRadiance, Surfelizer, SurfelizerInput, SurfelizerSettings, Viewport,
     glam::DVec3,
     reference::{
@@ -292,7 +292,7 @@ impl Lab {
             cloud: &senders.cloud,
             hits,
             traced,
-            target: &target,
+            target: target.texture().into(),
             timestamps: None,
             roughness: None,
         };
@@ -371,6 +371,55 @@ pub fn moved(scene: &Scene, scale: f64, shift: DVec3) -> Scene {
         view.near *= scale;
     }
     moved
+}
+
+/// A hall without its front wall, which would be at z = 20: 10 wide, 8 high and 40 long. From within nothing of it hides
+/// anything.
+pub fn hall(base: &Scene) -> Scene {
+    let corner = |i: usize| {
+        let side = |bit: usize, low: f64, high: f64| if i & bit == 0 { low } else { high };
+        DVec3::new(side(1, -5.0, 5.0), side(2, 0.0, 8.0), side(4, -20.0, 20.0))
+    };
+    // Front sides face inward.
+    let quads = [
+        [0, 4, 5, 1],
+        [2, 3, 7, 6],
+        [0, 2, 6, 4],
+        [1, 5, 7, 3],
+        [0, 1, 3, 2],
+    ];
+    let triangles: Vec<[DVec3; 3]> = quads
+        .iter()
+        .flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]])
+        .map(|face| face.map(corner))
+        .collect();
+    scene_of(&triangles, base)
+}
+
+/// Lights on its ceiling, on a wall, in an edge and in a corner, and near each; and spots that shine down from there.
+pub fn lamps() -> Vec<Light> {
+    let mut lamps = Vec::new();
+    for off in [0.0, 1e-4, 1e-3, 0.1] {
+        for (position, inward) in [
+            (DVec3::new(0.0, 8.0, -10.0), DVec3::NEG_Y),
+            (DVec3::new(-5.0, 3.0, -2.0), DVec3::X),
+            (DVec3::new(5.0, 8.0, -7.0), DVec3::new(-1.0, -1.0, 0.0)),
+            (DVec3::new(-5.0, 8.0, -20.0), DVec3::new(1.0, -1.0, 1.0)),
+        ] {
+            lamps.push(Light::Point {
+                position: position + inward * off,
+                intensity: [100.0; 3],
+            });
+            lamps.push(Light::Spot {
+                position: position + inward * off,
+                direction: inward + DVec3::new(0.1, -0.3, 0.2),
+                intensity: [100.0; 3],
+                inner: 0.5,
+                outer: 1.2,
+            });
+        }
+    }
+    lamps
 }
 
 /// How many bits differ.

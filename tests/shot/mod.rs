@@ -145,8 +145,8 @@ impl Shot {
 
     pub fn gbuffer(&self) -> GBuffer<'_> {
         GBuffer {
-            depth: &self.depth,
-            normal: &self.normal,
+            depth: self.depth.texture().into(),
+            normal: self.normal.texture().into(),
             normal_encoding: NormalEncoding::Signed,
             normal_space: NormalSpace::World,
             albedo: None,
@@ -156,7 +156,7 @@ impl Shot {
     /// The same with the albedo of what is seen.
     pub fn lit_gbuffer(&self) -> GBuffer<'_> {
         GBuffer {
-            albedo: Some(&self.albedo),
+            albedo: Some(self.albedo.texture().into()),
             ..self.gbuffer()
         }
     }
@@ -321,7 +321,7 @@ impl Passes {
                     cloud: &cloud,
                     sums: &sums,
                     levels,
-                    target: &target,
+                    target: target.texture().into(),
                     sub_image: None,
                     timestamps: None,
                 },

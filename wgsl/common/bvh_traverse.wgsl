@@ -96,11 +96,20 @@ fn intersect_triangle(ray: Ray, triangle: u32) -> Hit {
   let per_det = 1.0 / det;
   let u = dot(s, p) * per_det;
   let v = dot(ray.direction, q) * per_det;
-  let t = dot(e2, q) * per_det;
+  let ahead = dot(e2, q) * per_det;
+  var t = ahead;
+  let reach = second.w + max_component(abs(ray.origin));
   // Moving the ray sideways by the rounding of positions moves u and v by this much.
-  let slack = (second.w + max_component(abs(ray.origin))) * first.w * abs(per_det);
+  let slack = reach * first.w * abs(per_det);
+#if SHADOW_RAYS
+  // What a light lies on casts no shadow: a triangle whose plane is as near to the light as positions are rounded. The
+  // steeper the ray meets the plane the less it lengthens the way; a vector is at most sqrt(3) times its largest component.
+  if ray.end_size >= 0.0 {
+    t += POSITION_TOLERANCE * (reach + ray.end_size) * 1.7320508 * max_component(abs(cross(e1, e2))) * abs(per_det);
+  }
+#endif
   // A ray within the triangle's plane passes it by; so does one whose figures left the range of f32.
-  let inside = u >= -slack && v >= -slack && u + v <= 1.0 + slack && t > 0.0 && abs(det) > 1e-35;
+  let inside = u >= -slack && v >= -slack && u + v <= 1.0 + slack && ahead > 0.0 && abs(det) > 1e-35;
   return Hit(select(FAR, t, inside), corner.w);
 }
 

@@ -34,21 +34,39 @@ struct Arrival {
   irradiance: vec3f,
 }
 
-// What a light sends to a point, whatever stands between.
-fn light_at(light: Light, point: vec3f) -> Arrival {
+// The way from a point to a light.
+struct Way {
+  // Unit vector; zero where the point is at the light.
+  to_light: vec3f,
+  distance: f32,
+}
+
+fn way_to(light: Light, point: vec3f) -> Way {
   if light.kind == DIRECTIONAL {
-    return Arrival(-light.direction, FAR_LIGHT, light.color);
+    return Way(-light.direction, FAR_LIGHT);
   }
   let offset = light.position - point;
   // Scaled first: squares of lengths leave the range of f32.
   let scale = max_component(abs(offset));
   if scale < AT_LIGHT {
-    return Arrival(vec3f(0.0), 0.0, vec3f(0.0));
+    return Way(vec3f(0.0), 0.0);
   }
   let scaled = offset / scale;
   let stretch = length(scaled);
-  let to_light = scaled / stretch;
-  let distance = scale * stretch;
+  return Way(scaled / stretch, scale * stretch);
+}
+
+// What a light sends to a point, whatever stands between.
+fn light_at(light: Light, point: vec3f) -> Arrival {
+  let way = way_to(light, point);
+  let to_light = way.to_light;
+  let distance = way.distance;
+  if light.kind == DIRECTIONAL {
+    return Arrival(to_light, distance, light.color);
+  }
+  if distance == 0.0 {
+    return Arrival(to_light, distance, vec3f(0.0));
+  }
   let inverse = 1.0 / max(distance, MIN_LIGHT_DISTANCE);
   var irradiance = min(light.color * inverse * inverse, vec3f(FAR_LIGHT));
   if light.kind == SPOT {

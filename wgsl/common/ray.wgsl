@@ -4,6 +4,10 @@ struct Ray {
   origin: vec3f,
   direction: vec3f,
   inverse: vec3f,
+#if SHADOW_RAYS
+  // The size of the coordinates of the light that it ends at, which may lie on a surface; negative where it ends at none.
+  end_size: f32,
+#endif
 }
 
 struct Hit {
@@ -23,7 +27,11 @@ const SLAB_TOLERANCE: f32 = 1e-6;
 fn make_ray(origin: vec3f, direction: vec3f) -> Ray {
   // A component of zero would give infinity, and 0 times infinity in the slab test.
   let d = select(direction, vec3f(1e-18), abs(direction) < vec3f(1e-18));
+#if SHADOW_RAYS
+  return Ray(origin, direction, 1.0 / d, -1.0);
+#else
   return Ray(origin, direction, 1.0 / d);
+#endif
 }
 
 // How far a ray starts off what it leaves: by more than the rounding of a position.

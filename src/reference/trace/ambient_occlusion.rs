@@ -32,7 +32,7 @@ impl Tracer {
     /// Normals need not have unit length. If one is zero or anything is not finite but `radius`,
     /// the estimate is not a number.
     pub fn ambient_occlusion(&self, at: &Receiver, radius: f64, rays: u32, seed: u64) -> Estimate {
-        let Some(hemisphere) = Hemisphere::new(at, self.epsilon()) else {
+        let Some(hemisphere) = Hemisphere::new(at, self) else {
             return Estimate {
                 mean: f64::NAN,
                 standard_error: f64::NAN,

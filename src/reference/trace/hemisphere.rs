@@ -7,11 +7,12 @@ use glam::{DMat3, DVec2, DVec3};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 
+use super::Tracer;
+
 /// A point on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Receiver {
-    /// Where it is; the estimate steps off it by [`Tracer::epsilon`](super::Tracer::epsilon) along
-    /// the geometric normal.
+    /// Where it is; rays leave from [`Tracer::start`], along the geometric normal.
     pub position: DVec3,
     /// The normal of the triangle, on the side that receives light.
     pub geometric_normal: DVec3,
@@ -36,11 +37,11 @@ pub(super) struct Means<const N: usize> {
 
 impl Hemisphere {
     /// None where a normal is zero or anything is not finite.
-    pub(super) fn new(at: &Receiver, epsilon: f64) -> Option<Self> {
+    pub(super) fn new(at: &Receiver, tracer: &Tracer) -> Option<Self> {
         let geometric_normal = at.geometric_normal.try_normalize()?;
         let shading_normal = at.shading_normal.try_normalize()?;
         let (tangent, bitangent) = shading_normal.any_orthonormal_pair();
-        let origin = at.position + geometric_normal * epsilon;
+        let origin = tracer.start(at.position, geometric_normal);
         origin.is_finite().then_some(Self {
             origin,
             geometric_normal,

@@ -7,8 +7,8 @@
 //!
 //! * Surfaces have two sides, of one albedo. The side that the ray meets counts, with the geometric
 //!   normal on that side: light on the other side is not seen.
-//! * L is the direct radiance of that side ([`Tracer::direct`]), and on a front the material's
-//!   emission over π too, its radiosity being π times its radiance.
+//! * L is the direct radiance of that side ([`Tracer::direct`]), and on a front, and on the back of what
+//!   is double-sided, the material's emission over π too, its radiosity being π times its radiance.
 //! * A ray that meets nothing brings nothing: the sky is black. So does a direction with
 //!   ⟨Ng, ω⟩ ≤ 0, which points into the surface.
 
@@ -34,29 +34,42 @@ pub struct ColorEstimate {
 impl Tracer {
     /// What a Lambertian point sends out of the light that reaches it straight from `lights`:
     /// radiance `albedo/π · E`, W/(m² sr), with hard shadows. `normal` is on the side that is lit
-    /// and looked at; shadow rays start off the point by [`epsilon`](Self::epsilon) along it, and
-    /// end as far before the light.
+    /// and looked at; shadow rays start at [`start`](Self::start), and no surface that a light lies on
+    /// hides it.
     ///
     /// A `normal` of any length but zero will do. What lies at a light's very position gets
     /// nothing of it; nearer than 1e-9 counts as that far.
     pub fn direct(&self, point: DVec3, normal: DVec3, albedo: DVec3, lights: &[Light]) -> DVec3 {
-        let normal = normal.normalize_or_zero();
-        let origin = point + normal * self.epsilon();
+        let Some(normal) = normal.try_normalize() else {
+            return DVec3::ZERO;
+        };
+        let origin = self.start(point, normal);
+        self.direct_from(origin, point, normal, albedo, lights)
+    }
+
+    /// The same with the start of shadow rays.
+    fn direct_from(
+        &self,
+        origin: DVec3,
+        point: DVec3,
+        normal: DVec3,
+        albedo: DVec3,
+        lights: &[Light],
+    ) -> DVec3 {
         let irradiance: DVec3 = lights
             .iter()
             .map(|light| {
                 let here = arrival(light, point);
                 let cosine = normal.dot(here.to_light).max(0.0);
-                if cosine == 0.0 || here.irradiance == DVec3::ZERO {
-                    return DVec3::ZERO;
+                // From where the ray starts: with the way from the point it would end beyond the light.
+                let lit = cosine > 0.0
+                    && here.irradiance != DVec3::ZERO
+                    && !self.hidden(origin, &arrival(light, origin), light);
+                if lit {
+                    here.irradiance * cosine
+                } else {
+                    DVec3::ZERO
                 }
-                // From where the ray starts: it then ends in front of a surface that the light lies on.
-                let ray = arrival(light, origin);
-                let end = ray.distance - self.epsilon();
-                if self.occluded(origin, ray.to_light, 0.0, end) {
-                    return DVec3::ZERO;
-                }
-                here.irradiance * cosine
             })
             .sum();
         albedo / PI * irradiance
@@ -78,7 +91,7 @@ impl Tracer {
         rays: u32,
         seed: u64,
     ) -> ColorEstimate {
-        let Some(hemisphere) = Hemisphere::new(at, self.epsilon()) else {
+        let Some(hemisphere) = Hemisphere::new(at, self) else {
             return ColorEstimate {
                 mean: DVec3::NAN,
                 standard_error: DVec3::NAN,
@@ -127,11 +140,15 @@ impl Tracer {
         let color = |c: [f32; 3]| DVec3::from(c.map(f64::from));
         let normal = triangle.normal();
         let front = normal.dot(direction) < 0.0;
-        let (normal, emission) = if front {
-            (normal, color(material.emission) / PI)
+        let normal = if front { normal } else { -normal };
+        let emission = if front || material.double_sided != 0 {
+            color(material.emission) / PI
         } else {
-            (-normal, DVec3::ZERO)
+            DVec3::ZERO
         };
-        emission + self.direct(triangle.at(&hit), normal, color(material.albedo), lights)
+        // The hit lies on its surface as well as f64 knows it.
+        let place = triangle.at(&hit);
+        let start = place + normal * self.epsilon();
+        emission + self.direct_from(start, place, normal, color(material.albedo), lights)
     }
 }

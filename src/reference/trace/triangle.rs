@@ -37,6 +37,17 @@ impl Triangle {
         (b - a).cross(c - a).normalize_or_zero()
     }
 
+    /// The longest side of its bounding box.
+    pub(super) fn extent(&self) -> f64 {
+        let [a, b, c] = self.corners();
+        (a.max(b).max(c) - a.min(b).min(c)).max_element()
+    }
+
+    /// How far a point is from its plane.
+    pub(super) fn plane_distance(&self, point: DVec3) -> f64 {
+        self.normal().dot(point - self.corners()[0]).abs()
+    }
+
     /// The place of a hit.
     pub(super) fn at(&self, hit: &Hit) -> DVec3 {
         let [a, b, c] = self.corners();

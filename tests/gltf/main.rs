@@ -1,0 +1,11 @@
+//! The examples' glTF files: read as the specification has them, and refused with one line where they are broken.
+
+#[path = "../../examples/support/mod.rs"]
+mod support;
+
+mod broken;
+mod emission;
+mod files;
+mod geometry;
+mod nodes;
+mod uris;
