@@ -6,20 +6,23 @@
 //! * `any`: whether there is a hit, of ambient occlusion without a radius;
 //! * `nearest`: the nearest hit, with its surface's emission and no light;
 //! * `lit`: the same with one light, and so a ray more from most hits;
-//! * `cpu`: whether there is a hit, by the crate's own tracer, all threads: a bounding volume hierarchy of good quality,
-//!   built before (`build`), where the bounds of the GPU's rays are made anew from the triangles each time (`bounds`).
+//! * `cpu`: whether there is a hit, by the crate's own tracer in `f64`, all threads, with a hierarchy that was built before
+//!   (`build`), where that of the GPU's rays is made anew from the triangles each time (`bounds`, and its memory in `MB`);
+//! * `obvhs`: the same in `f32`, with the best tree that `obvhs` builds, nodes of eight children as here.
 //!
 //! A time is the fastest of a few runs, and counts only beside the others of its row.
 //!
 //! Below each row stand counts, which are the same on any machine: for any hit, without a radius and with R, and for the
 //! nearest one, per ray, nodes visited, triangles tested, bytes of both, and steps of the slowest of 32 rays (8 × 4 pixels,
-//! one direction), each a node or a triangle; *even* is a ray's mean number of steps over that. `--counts` measures nothing
-//! else.
+//! one direction), each a node or a triangle; *even* is a ray's mean number of steps over that. Beside them stand those of
+//! `obvhs`, whose children are in the order of the ray's octant. `--counts` measures nothing else.
 
+#[path = "support/obvhs_rays.rs"]
+mod obvhs_rays;
 #[path = "../examples/support/mod.rs"]
 mod support;
 
-use std::{collections::BTreeMap, fs::File, path::Path, time::Instant};
+use std::{cell::Cell, collections::BTreeMap, fs::File, path::Path, time::Instant};
 
 use deep_screen_space::{
     Camera, CloudCapacity, Light, Payload, Sampling, Viewport,
@@ -31,6 +34,7 @@ use deep_screen_space::{
     },
     scenes::{self, Scene},
 };
+use obvhs_rays::Best;
 use rayon::prelude::*;
 use serde::Deserialize;
 use support::{
@@ -106,17 +110,19 @@ fn main() {
         gpu.name()
     );
     println!(
-        "{:24} {:>9} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}",
+        "{:24} {:>9} {:>6} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}",
         "scene",
         "triangles",
+        "MB",
         "bounds",
         "any",
         "nearest",
         "lit",
         "build",
         "cpu",
+        "obvhs",
         "near/any",
-        "any/cpu",
+        "any/obvhs",
         "Mrays/s"
     );
     let mut rows = Vec::new();
@@ -196,13 +202,16 @@ fn camera_of(scene: &Scene, [width, height]: [u32; 2]) -> Camera {
 
 /// What rays of one kind took each.
 fn count(name: &str, counts: &[u32]) -> serde_json::Value {
+    if counts[0] == 0 {
+        return serde_json::Value::Null;
+    }
     let rays = f64::from(counts[0]);
     let [nodes, triangles] = [1, 2].map(|i| f64::from(counts[i]) / rays);
     let steps = f64::from(counts[4]) / f64::from(counts[5]);
     let bytes = NODE_BYTES * nodes + TRIANGLE_BYTES * triangles;
     let even = (nodes + triangles) / steps;
     println!(
-        "  {name:16} {nodes:6.2} nodes {triangles:6.2} triangles {bytes:7.0} bytes {steps:6.1} steps of 32, {even:.2} even"
+        "  {name:20} {nodes:6.2} nodes {triangles:6.2} triangles {bytes:7.0} bytes {steps:6.1} steps of 32, {even:.2} even"
     );
     serde_json::json!({
         "rays": name, "nodes": nodes, "triangles": triangles, "bytes": bytes, "lockstep": steps, "hits": counts[3],
@@ -229,6 +238,7 @@ fn measure(
         direction: DVec3::new(0.3, -1.0, 0.2),
         irradiance: [3.0; 3],
     };
+    let bounds_bytes = Cell::new(0);
     let trace = |payload, radius, statistics, lights: &[Light]| {
         let mut preset = bounced_preset("balanced", payload, radius).expect("a preset");
         preset.bounced.directions = DIRECTIONS;
@@ -254,33 +264,22 @@ fn measure(
             .view
             .statistics()
             .map(|buffer| gpu.read_buffer(buffer));
+        bounds_bytes.set(renderer.bounds_bytes());
         (best.expect("several runs"), counts)
     };
     let infinite = f32::INFINITY;
-    let kinds = [
-        ("any", Payload::Occlusion, Some(infinite)),
-        ("any, radius", Payload::Occlusion, options.radius),
-        ("nearest", Payload::Radiance, Some(infinite)),
-    ];
-    let counts: Vec<_> = kinds
+    let asked = || {
+        [
+            ("any", Payload::Occlusion, Some(infinite)),
+            ("any, radius", Payload::Occlusion, options.radius),
+            ("nearest", Payload::Radiance, Some(infinite)),
+        ]
         .into_iter()
+        .filter(|(_, _, radius)| radius.is_some())
+    };
+    let counts: Vec<_> = asked()
         .filter_map(|(name, payload, radius)| Some((name, trace(payload, radius?, true, &[]).1?)))
         .collect();
-    let print_counts = || -> Vec<_> {
-        counts
-            .iter()
-            .map(|(name, counts)| count(name, counts))
-            .collect()
-    };
-    if options.counts_alone {
-        println!("{name:24} {triangles:>9}");
-        return serde_json::json!({ "scene": name, "triangles": triangles, "counts": print_counts() });
-    }
-    let rays = f64::from(counts[0].1[0]);
-    let (any, _) = trace(Payload::Occlusion, infinite, false, &[]);
-    let (nearest, _) = trace(Payload::Radiance, infinite, false, &[]);
-    let (lit, _) = trace(Payload::Radiance, infinite, false, &[light]);
-
     let start = Instant::now();
     let tracer = Tracer::new(&scene.positions, &scene.indices).expect("a scene");
     let build = milliseconds(start);
@@ -291,6 +290,27 @@ fn measure(
         &scene.normals,
         &scene.indices,
     );
+    let best = Best::new(scene);
+    let on_cpu = (&tracer, receivers.as_slice());
+    let print_counts = || -> Vec<_> {
+        let mut all = Vec::new();
+        for ((name, counts), (_, payload, radius)) in counts.iter().zip(asked()) {
+            all.push(count(name, counts));
+            let how = (radius.unwrap_or(infinite), payload == Payload::Occlusion);
+            let counts = best.count(on_cpu, size[0], GRID, how);
+            all.push(count(&format!("{name}, obvhs"), &counts));
+        }
+        all
+    };
+    if options.counts_alone {
+        println!("{name:24} {triangles:>9}");
+        return serde_json::json!({ "scene": name, "triangles": triangles, "counts": print_counts() });
+    }
+    let rays = f64::from(counts[0].1[0]);
+    let (any, _) = trace(Payload::Occlusion, infinite, false, &[]);
+    let (nearest, _) = trace(Payload::Radiance, infinite, false, &[]);
+    let (lit, _) = trace(Payload::Radiance, infinite, false, &[light]);
+
     let cpu = (0..RUNS)
         .map(|_| {
             let start = Instant::now();
@@ -300,6 +320,15 @@ fn measure(
         })
         .fold(f64::INFINITY, f64::min);
 
+    let obvhs = (0..RUNS)
+        .map(|_| {
+            let start = Instant::now();
+            best.count(on_cpu, size[0], GRID, (infinite, true));
+            milliseconds(start)
+        })
+        .fold(f64::INFINITY, f64::min);
+    let megabytes = bounds_bytes.get() as f64 / 1e6;
+
     let [bounds, any, nearest, lit] = [
         of(&any, "bounds"),
         of(&any, "trace"),
@@ -307,16 +336,18 @@ fn measure(
         of(&lit, "trace"),
     ];
     println!(
-        "{name:24} {triangles:>9} {bounds:>8.1} {any:>8.1} {nearest:>8.1} {lit:>8.1} {build:>8.1} {cpu:>8.1} {:>8.2} {:>8.2} \
+        "{name:24} {triangles:>9} {megabytes:>6.1} {bounds:>8.1} {any:>8.1} {nearest:>8.1} {lit:>8.1} {build:>8.1} {cpu:>8.1} \
+         {obvhs:>8.1} {:>8.2} {:>8.2} \
          {:>8.2}",
         nearest / any,
-        any / cpu,
+        any / obvhs,
         rays / any / 1e3,
     );
     serde_json::json!({
         "adapter": gpu.name(), "scene": name, "width": size[0], "height": size[1], "triangles": triangles, "rays": rays,
         "bounds_ms": bounds, "any_ms": any, "nearest_ms": nearest, "lit_ms": lit,
-        "build_ms": build, "cpu_ms": cpu, "counts": print_counts(),
+        "bounds_bytes": bounds_bytes.get(), "build_ms": build, "cpu_ms": cpu, "obvhs_ms": obvhs,
+        "obvhs_build_ms": best.build.as_secs_f64() * 1e3, "counts": print_counts(),
     })
 }
 

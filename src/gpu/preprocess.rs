@@ -44,6 +44,7 @@ pub(crate) const FLAGS: &[&str] = &[
     "SENDER_DISKS",
     "SHADING",
     "SHADOW_MAP",
+    "SHADOW_RAYS",
     "SHADOW_TRACED",
     "SMOOTH",
     "SMOOTHED",
