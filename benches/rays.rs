@@ -44,6 +44,7 @@ use support::{
     presets::bounced_preset,
     raster::{Raster, perspective},
     scene::SceneBuffers,
+    world::bounds_of,
 };
 
 /// Best of this many runs: a shared machine only ever adds time.
@@ -127,18 +128,19 @@ fn main() {
     );
     let mut rows = Vec::new();
     for name in &names {
-        let scene = scenes::by_name(name).unwrap_or_else(|| {
-            load_gltf(name.as_ref())
-                .expect("a scene or a glTF file")
-                .scene
-        });
+        let (scene, origin) = scenes::by_name(name)
+            .map_or_else(
+                || from_file(name.as_ref()),
+                |scene| Ok((scene, DVec3::ZERO)),
+            )
+            .expect("a scene or a glTF file");
         let path: &Path = name.as_ref();
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         match options.cameras.get(&*stem) {
             Some(shots) => {
                 for shot in shots {
                     let label = format!("{stem}/{}", shot.name);
-                    let camera = aimed(shot, options.size);
+                    let camera = aimed(shot, origin, options.size);
                     rows.push(measure(&gpu, &scene, &label, &camera, &options));
                 }
             }
@@ -157,17 +159,26 @@ fn main() {
     std::fs::write(folder.join("rays.json"), text).expect("target can be written");
 }
 
-fn aimed(shot: &Shot, [width, height]: [u32; 2]) -> Camera {
+/// A camera relative to an origin.
+fn aimed(shot: &Shot, origin: DVec3, [width, height]: [u32; 2]) -> Camera {
     let aspect = f64::from(width) / f64::from(height);
     let projection = perspective(shot.vfov_deg, aspect, shot.near);
     Camera::look_at(
-        shot.eye.into(),
-        shot.target.into(),
+        DVec3::from(shot.eye) - origin,
+        DVec3::from(shot.target) - origin,
         shot.up.into(),
         projection,
         Viewport::full(width, height),
     )
     .expect("a camera")
+}
+
+/// A file's scene, about the middle of its box, which is the origin.
+fn from_file(path: &Path) -> Result<(Scene, DVec3), String> {
+    let world = load_gltf(path)?.world;
+    let (low, high) = world.bounds();
+    let origin = 0.5 * (low + high);
+    Ok((world.relative_to(origin)?, origin))
 }
 
 /// The scene's own first view, or one from a corner of its bounds to their middle.
@@ -178,14 +189,7 @@ fn camera_of(scene: &Scene, [width, height]: [u32; 2]) -> Camera {
         let projection = perspective(view.vertical_fov_degrees, aspect, view.near);
         (view.eye, view.target, view.up, projection)
     } else {
-        let corners = scene.positions.iter().fold(
-            [DVec3::INFINITY, DVec3::NEG_INFINITY],
-            |[low, high], p| {
-                let p = DVec3::from(p.map(f64::from));
-                [low.min(p), high.max(p)]
-            },
-        );
-        let [low, high] = corners;
+        let (low, high) = bounds_of(scene);
         let eye = high + 0.3 * (high - low);
         let near = 1e-3 * (high - low).length();
         let projection = perspective(40.0, aspect, near);

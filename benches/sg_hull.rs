@@ -143,7 +143,12 @@ fn measure(
     let mut renderer = HullRenderer::new(gpu, size, Components::default()).expect("it fits");
     renderer.settings = settings;
     let lights = renderer
-        .lights(gpu, &buffers, &Lamp::of(&scene), camera.eye())
+        .lights(
+            gpu,
+            &buffers,
+            &Lamp::of(&scene).expect("a lamp"),
+            camera.eye(),
+        )
         .expect("lights");
     // The first run compiles the pipelines.
     let (mut hull_ms, mut exact_ms) = (f64::INFINITY, f64::INFINITY);

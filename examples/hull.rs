@@ -54,7 +54,7 @@ fn main() -> Result<(), String> {
     let size = SgHullSize::new(width, height);
     let renderer = HullRenderer::with_roughness(&gpu, size, Components::default(), roughness)
         .map_err(error)?;
-    let lamp = Lamp::of(&scene);
+    let lamp = Lamp::of(&scene).map_err(error)?;
     let lights = renderer
         .lights(&gpu, &buffers, &lamp, camera.eye())
         .map_err(error)?;

@@ -29,6 +29,13 @@ pub enum Channels {
 /// fn resolve(sum: Sum, albedo: vec3f) -> vec4f
 /// ```
 ///
+/// With [`Effect::own_surface`] it defines a fourth:
+///
+/// ```wgsl
+/// // What a pixel's own surface adds to its sum, where the shading normal and that of the surface have this cosine, 0 to 1.
+/// fn own_surface(cosine: f32) -> Sum
+/// ```
+///
 /// `sender` has `radius` and `normal`, and with [`Effect::materials`] `material.albedo`, `material.emission` and
 /// `material.double_sided`.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,6 +52,10 @@ pub struct Effect {
     pub albedo: bool,
     /// Whether a surfel contributes behind its back. Where it does not, surfels that face away are never evaluated.
     pub two_sided: bool,
+    /// Whether surfels below a pixel's own surface are left out, which a shading normal that leans away from it would see,
+    /// and `own_surface` of the source adds what the surface itself does. Its normal is found from the positions around
+    /// the pixel: ten texels more are read a pixel and level.
+    pub own_surface: bool,
     /// Values for `override` constants of `source`: for all that have none of their own, and for no others.
     pub constants: Vec<(String, f64)>,
 }
@@ -61,6 +72,9 @@ impl Effect {
         }
         if !self.two_sided {
             flags.push("ONE_SIDED");
+        }
+        if self.own_surface {
+            flags.push("OWN_SURFACE");
         }
         flags
     }

@@ -50,7 +50,7 @@ pub struct GBuffer<'a> {
     /// The axes of the normals.
     pub normal_space: NormalSpace,
     /// Diffuse albedo (linear, 0…1), for effects that ask for it with
-    /// [`Effect::albedo`](crate::Effect::albedo). Any float or unorm format, usage `TEXTURE_BINDING`.
+    /// [`Effect::albedo`](crate::Effect::albedo). What is beyond 0…1 is clamped, and what is not finite counts as 0. Any float or unorm format, usage `TEXTURE_BINDING`.
     pub albedo: Option<TextureSlice<'a>>,
 }
 

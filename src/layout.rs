@@ -175,7 +175,7 @@ fn structs_match_the_shaders() {
             &ao,
             shader,
             "Counters",
-            &fields!(SurfelCounts: pieces, surfels, rejected, stored),
+            &fields!(SurfelCounts: pieces, surfels, rejected, stored, merged, lost_area),
             size_of::<SurfelCounts>(),
         );
     }

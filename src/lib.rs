@@ -33,6 +33,10 @@
 //! * **Errors.** What cannot be honoured is an [`Error`] that names the thing, its value and what is accepted, before
 //!   anything is recorded. What the GPU alone can find, such as surfels that found no room, is counted in
 //!   [`SurfelCounts`], for the caller to read when it likes.
+//! * **Order.** Objects know what they were recorded from, and those that were not, or not since that was recorded, are
+//!   refused. What counts is the order of recordings: encoders have to be submitted in it.
+//! * **Not checked** is what wgpu does not tell: destroyed textures and buffers, those of another device, a texture's
+//!   `view_formats`, and WGSL that does not compile. They are wgpu's own validation errors.
 //! * **Determinism.** The same input on the same device gives the same bits: no sum depends on the order of threads.
 //! * **Lifetimes.** Passes hold pipelines and serve any number of scenes and views. Uniforms are made anew by each
 //!   recording, so that several may go into one encoder.

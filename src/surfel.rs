@@ -19,14 +19,39 @@ use crate::{
 pub struct CloudCapacity {
     /// Surfels, 0…2²³ within `Limits::default()` (16 bytes in each of two buffers). Where a recording asks for more,
     /// an even selection of them stays, enlarged to keep the area, and [`SurfelCounts::overflow`] tells. 0 where only
-    /// pieces are of use, as to a [`BouncedZBuffer`](crate::BouncedZBuffer) for ambient occlusion.
+    /// pieces are of use, as to a [`BouncedZBuffer`](crate::BouncedZBuffer) for ambient occlusion; pieces are then whole
+    /// triangles, but for those that are more than 16 times as large as they are near.
     pub surfels: u32,
-    /// Triangles after large ones were split; 1…2.7 million within `Limits::default()` (48 bytes each). One a triangle
-    /// that is larger than a surfel, plus a few hundred for each that spans the view, is ample.
+    /// Triangles after large ones were split, 1…2²³, of which `Limits::default()` leaves 2 796 202: they are 48 bytes each in
+    /// one binding, and 2²³ need a `max_storage_buffer_binding_size` of 402 653 184 bytes. One a triangle that is larger than
+    /// a surfel, plus a few hundred for each that spans the view where there are surfels, is ample. Where a recording asks for
+    /// more, large triangles are split less until it fits ([`SurfelCounts::merged`]): with room for as many pieces as
+    /// triangles nothing is lost. With less an even selection stays, and what is lost is a hole to rays
+    /// ([`SurfelCounts::lost_area_share`]).
     pub pieces: u32,
     /// Triangles of all instances of all meshes, 0…2²⁵, of which `Limits::default()` leaves 2²⁵ − 1.
     pub triangles: u32,
 }
+
+impl CloudCapacity {
+    /// The most of each that a device with these limits can bind.
+    pub fn largest(limits: &wgpu::Limits) -> Self {
+        let bytes = limits
+            .max_storage_buffer_binding_size
+            .min(limits.max_buffer_size);
+        let most = |most: u32, each: usize| (bytes / each as u64).min(u64::from(most)) as u32;
+        Self {
+            surfels: most(MOST_SURFELS, size_of::<Surfel>()),
+            pieces: most(MOST_PIECES, size_of::<Piece>()),
+            // A number for each, and their total.
+            triangles: most(MOST_TRIANGLES + 1, size_of::<u32>()).saturating_sub(1),
+        }
+    }
+}
+
+const MOST_SURFELS: u32 = 1 << 23;
+const MOST_PIECES: u32 = 1 << 23;
+const MOST_TRIANGLES: u32 = 1 << 25;
 
 /// A surfel's disk: `surfels` of the cloud, 16 bytes each.
 #[repr(C)]
@@ -95,20 +120,34 @@ pub struct Piece {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct SurfelCounts {
-    /// Pieces that the settings asked for.
+    /// Pieces that the triangles were split into, with [`SurfelCounts::merged`] those that the settings asked for. Saturates
+    /// at `u32::MAX`.
     pub pieces: u32,
-    /// Surfels that the settings asked for, given the pieces that found room. Saturates at `u32::MAX`.
+    /// Surfels that the settings asked for, given the pieces that found room. Where that were 2³¹ or more, all pieces are
+    /// divided into fewer, larger ones until it is not.
     pub surfels: u32,
     /// Triangles left out: degenerate, not finite, or with an index out of range.
     pub rejected: u32,
     /// Surfels in the cloud.
     pub stored: u32,
+    /// How many pieces fewer there are than the settings asked for, since large triangles were cut less, or not at all,
+    /// until what they give found room. Saturates at `u32::MAX`.
+    pub merged: u32,
+    /// Share of the pieces' area that found no room, in units of 2⁻³² and rounded up:
+    /// [`SurfelCounts::lost_area_share`].
+    pub lost_area: u32,
 }
 
 impl SurfelCounts {
     /// Surfels that found no room.
     pub fn overflow(&self) -> u32 {
         self.surfels - self.stored
+    }
+
+    /// Share of the area, 0…1, of the pieces that found no room: of all that the Surfelizer made pieces of, in world units
+    /// squared. 0 exactly where all found room. Rays pass through what is lost; surfels make up for it on average.
+    pub fn lost_area_share(&self) -> f64 {
+        f64::from(self.lost_area) / 4_294_967_296.0
     }
 
     /// Pieces that found no room in a cloud of this capacity; their surfels are not in [`SurfelCounts::surfels`].
@@ -131,6 +170,8 @@ pub struct SurfelCloud {
     pub(crate) sources: Buffer,
     pub(crate) pieces: Buffer,
     pub(crate) counters: Buffer,
+    /// Sums over all triangles while it is made: `TALLY_WORDS` of `wgsl/surfelizer.wgsl`.
+    pub(crate) tally: Buffer,
     /// The indirect dispatch that writes the surfels.
     pub(crate) emission: Buffer,
     pub(crate) triangle_offsets: ScanBuffer,
@@ -144,19 +185,19 @@ impl SurfelCloud {
         capacity: CloudCapacity,
     ) -> Result<Self, Error> {
         check_setting(
-            capacity.surfels <= 1 << 23,
+            capacity.surfels <= MOST_SURFELS,
             "CloudCapacity::surfels",
             capacity.surfels,
             "0 to 2^23",
         )?;
         check_setting(
-            (1..=1 << 23).contains(&capacity.pieces),
+            (1..=MOST_PIECES).contains(&capacity.pieces),
             "CloudCapacity::pieces",
             capacity.pieces,
             "1 to 2^23",
         )?;
         check_setting(
-            capacity.triangles <= 1 << 25,
+            capacity.triangles <= MOST_TRIANGLES,
             "CloudCapacity::triangles",
             capacity.triangles,
             "0 to 2^25",
@@ -192,6 +233,12 @@ impl SurfelCloud {
                 "deep-screen-space surfel counters",
                 size_of::<SurfelCounts>() as u64,
                 read | BufferUsages::COPY_DST,
+            )?,
+            tally: storage(
+                device,
+                "deep-screen-space surfel sums",
+                48,
+                BufferUsages::COPY_DST,
             )?,
             emission: storage(
                 device,
@@ -259,6 +306,7 @@ impl SurfelCloud {
             &self.sources,
             &self.pieces,
             &self.counters,
+            &self.tally,
             &self.emission,
         ]
         .iter()

@@ -444,6 +444,85 @@ fn no_ray_escapes() {
     }
 }
 
+/// Nor where only rays are traced and pieces are the triangles, or where large triangles were left uncut for want of room.
+#[test]
+fn no_ray_escapes_whole_triangles() {
+    let room = scenes::closed_room();
+    let count = room.indices.len() as u32 / 3;
+    let alone = CloudCapacity {
+        surfels: 0,
+        ..AMPLE
+    };
+    let tight = CloudCapacity {
+        pieces: count,
+        ..AMPLE
+    };
+    for (name, capacity) in [("rays alone", alone), ("merged", tight)] {
+        for view in 0..2 {
+            let camera = camera_of(&room, view, [40, 40]);
+            let shot = Shot::new(&lab().gpu, &room, &camera);
+            let senders =
+                lab().senders(&shot.buffers.meshes(), &shot.camera, &triangles(), capacity);
+            let (escaped, rays) = escaped(&shot, &senders, &settings(36));
+            println!(
+                "{name}, view {view}: {:?}, {escaped} of {rays}",
+                senders.counts
+            );
+            assert_eq!(senders.counts.lost_area, 0, "{name}, view {view}");
+            assert_eq!(escaped, 0, "{name}, view {view}, of {rays}");
+            if capacity.surfels == 0 {
+                assert_eq!(senders.counts.pieces, count, "{name}, view {view}");
+            } else {
+                assert!(senders.counts.merged > 100, "{:?}", senders.counts);
+            }
+            let odd = compare(name, &shot, &senders, &settings(16), Sampling::Cosine);
+            assert!(odd <= ODD_RAYS, "{name}, view {view}: {odd}");
+        }
+    }
+}
+
+/// A tilted ground and a ceiling over it, up to a million times as large as what is seen of them: rays between them are as
+/// exact as where they are small.
+#[test]
+fn huge_triangles_are_as_exact_as_small_ones() {
+    let lab = lab();
+    let tilt = DMat4::from_rotation_x(0.3) * DMat4::from_rotation_z(-0.2);
+    for side in [1e2, 1e4, 1e6] {
+        let square = |height: f64| {
+            let at = |x: f64, z: f64| tilt.transform_point3(DVec3::new(side * x, height, side * z));
+            let [a, b, c, d] = [at(-1.1, -1.0), at(-1.0, 1.2), at(1.0, 1.1), at(1.2, -0.9)];
+            [[a, b, c], [a, c, d]]
+        };
+        let walls = [square(0.0), square(3.0)].concat();
+        let scene = scene_of(&walls, &scenes::closed_room());
+        let camera = Camera::look_at(
+            tilt.transform_point3(DVec3::new(0.0, 1.7, 0.0)),
+            tilt.transform_point3(DVec3::new(0.7, 0.9, -2.0)),
+            DVec3::Y,
+            perspective(70.0, 1.0, 0.01),
+            Viewport::full(40, 40),
+        )
+        .expect("a camera");
+        let shot = Shot::new(&lab.gpu, &scene, &camera);
+        let capacity = CloudCapacity {
+            surfels: 0,
+            ..AMPLE
+        };
+        let senders = lab.senders(&shot.buffers.meshes(), &camera, &triangles(), capacity);
+        println!("side {side}: {:?}", senders.counts);
+        assert!(senders.counts.pieces < 6000, "{:?}", senders.counts);
+        // All rays but those that leave between the two, within 3 / side of the horizon.
+        let (escaped, rays) = escaped(&shot, &senders, &settings(36));
+        let odd = compare("", &shot, &senders, &settings(36), Sampling::Uniform);
+        println!("side {side}: {escaped} of {rays} escape, {odd} differ");
+        assert!(odd <= ODD_RAYS, "side {side}: {odd}");
+        assert!(
+            escaped as f64 <= (ODD_RAYS + 6.0 / side) * rays as f64,
+            "side {side}: {escaped} of {rays}"
+        );
+    }
+}
+
 /// Nor where pixels look right into the edges of a room: a position there is rounded to behind one of the two walls as often
 /// as not.
 #[test]

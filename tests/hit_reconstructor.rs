@@ -737,9 +737,11 @@ fn what_does_not_fit_is_a_typed_error() {
         Err(Error::Limit { .. })
     ));
     let view = |payload, sampling, directions| lab.view(&shot, payload, sampling, directions);
-    let hits = view(Payload::Radiance, Sampling::Cosine, 4);
-    let target = lab.gpu.target(format, 16, 8);
     let four = traced(4);
+    let dark = vec![SurfelRadiance::default(); senders.cloud.capacity().surfels as usize];
+    let dark = lab.gpu.buffer(&dark, wgpu::BufferUsages::STORAGE);
+    let hits = lab.trace(&shot, &senders, Some(&dark), &four, Sampling::Cosine);
+    let target = lab.gpu.target(format, 16, 8);
     let input = HitReconstructorInput {
         gbuffer: shot.lit_gbuffer(),
         camera: &shot.camera,

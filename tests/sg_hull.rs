@@ -793,7 +793,7 @@ impl Stage {
         let camera = camera_of(&scene, 0, size);
         let buffers = SceneBuffers::new(&gpu, &scene);
         Self {
-            lamp: Lamp::of(&scene),
+            lamp: Lamp::of(&scene).expect("a lamp"),
             raster: Raster::draw(&gpu, &buffers, &camera),
             gpu,
             buffers,

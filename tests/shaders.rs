@@ -28,6 +28,7 @@ fn resolve(sum: vec3f, albedo: vec3f) -> vec4f {
         materials: true,
         albedo: true,
         two_sided: true,
+        own_surface: false,
         constants: Vec::new(),
     }
 }
@@ -39,6 +40,7 @@ fn variants() -> Vec<Shader> {
         AmbientOcclusion {
             two_sided: true,
             overlap: Overlap::Independent,
+            own_surface: true,
         }
         .effect(),
         everything(),

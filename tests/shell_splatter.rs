@@ -7,16 +7,18 @@ mod support;
 
 use deep_screen_space::{
     AmbientOcclusion, Camera, Channels, CloudCapacity, ClusterInput, Effect, Error, Geometry,
-    Material, Placement, ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatSettings,
-    SplatView, Surfel, SurfelCounts, SurfelSource, Surfelizer, SurfelizerInput, SurfelizerSettings,
-    Viewport,
+    Material, Overlap, Placement, Sampling, ShellSplatter, ShellSplatterDescriptor, SplatInput,
+    SplatSettings, SplatView, Surfel, SurfelCounts, SurfelSource, Surfelizer, SurfelizerInput,
+    SurfelizerSettings, Viewport,
     glam::DVec3,
     reference::{
+        directions,
         effects::{self, Sender},
+        hashing,
         packing::unpack_normal,
-        shell_splatter::{Disk, Receiver, splat},
+        shell_splatter::{Disk, Receiver, splat, surface_normals},
     },
-    scenes::{self, Scene},
+    scenes::{self, Part, Scene},
     wgpu,
 };
 use shot::{Shot, camera_of};
@@ -302,6 +304,187 @@ fn sums_match_the_mirror() {
     }
 }
 
+/// Normals that lean off the surface by an angle, towards where its hash says in each block of 8 x 8 pixels.
+fn lean(shot: &mut Shot, gpu: &Gpu, angle: f64) {
+    let camera = shot.camera;
+    let width = camera.viewport().width;
+    let depth: Vec<f32> = (shot.pixels.iter())
+        .map(|p| p.map_or(camera.background_depth(), |p| p.depth as f32))
+        .collect();
+    for (i, pixel) in (0..).zip(&mut shot.pixels) {
+        let Some(pixel) = pixel else { continue };
+        let [x, y] = [i % width / 8, i / width / 8];
+        let turn = std::f64::consts::TAU * hashing::unit_float(hashing::hash2(x, y));
+        let surface = pixel.receiver.geometric_normal;
+        let aside = directions::tangent_frame(surface) * DVec3::new(turn.cos(), turn.sin(), 0.0);
+        pixel.receiver.shading_normal = angle.cos() * surface + angle.sin() * aside;
+    }
+    let normal: Vec<[f32; 4]> = (shot.pixels.iter())
+        .map(|p| p.map_or(DVec3::ZERO, |p| p.receiver.shading_normal))
+        .map(|n| n.as_vec3().extend(0.0).to_array())
+        .collect();
+    shot.upload(gpu, &depth, &normal);
+}
+
+/// With the surface's own share, as with shading normals that are its own.
+#[test]
+fn own_surfaces_match_the_mirror() {
+    let gpu = gpu();
+    for (name, view, size, angle, overlap) in [
+        ("dominoes", 1, [61, 47], 0.8, Overlap::Add),
+        ("cornell", 0, [48, 33], 1.2, Overlap::Independent),
+        ("fence", 0, [40, 40], 0.0, Overlap::Add),
+    ] {
+        let scene = scenes::by_name(name).expect("a scene");
+        let mut shot = Shot::new(&gpu, &scene, &camera_of(&scene, view, size));
+        lean(&mut shot, &gpu, angle);
+        let effect = AmbientOcclusion {
+            own_surface: true,
+            overlap,
+            ..AmbientOcclusion::default()
+        };
+        let settings = splat_settings(2, 0.03);
+        let passes = Passes::new(&gpu, &effect.effect(), false);
+        let run = run(&gpu, &shot, &passes, &Options::new(settings));
+        compare(&gpu, &run, effect, &settings, name);
+
+        // The normals that are found are the surface's, but for pixels between edges that leave no line to follow: two in
+        // a row or a column, as of thin dominoes at this size.
+        let receivers = run.receivers(&gpu);
+        let found = surface_normals(&receivers, size);
+        let pixels = found.iter().zip(&shot.pixels);
+        let off = pixels
+            .filter_map(|(found, pixel)| Some((*found)?.dot((*pixel)?.receiver.geometric_normal)))
+            .filter(|cosine| *cosine < 0.999)
+            .count();
+        println!("{name}: {off} of {} normals are off", found.len());
+        assert!(
+            (off as f64) < 0.1 * found.len() as f64,
+            "{name}: {off} normals are off"
+        );
+    }
+}
+
+/// A floor, and a wall across it: nothing hides behind anything else, so that sums are right.
+fn floor_and_wall() -> Scene {
+    let quad = |a: [f32; 3], b: [f32; 3], c: [f32; 3], d: [f32; 3]| [a, b, c, a, c, d];
+    let (near, far) = (2.0, -2.0);
+    let positions: Vec<[f32; 3]> = [
+        quad(
+            [-2.0, 0.0, near],
+            [2.0, 0.0, near],
+            [2.0, 0.0, far],
+            [-2.0, 0.0, far],
+        ),
+        quad(
+            [-1.5, 0.0, 0.0],
+            [1.5, 0.0, 0.0],
+            [1.5, 1.5, 0.0],
+            [-1.5, 1.5, 0.0],
+        ),
+    ]
+    .concat();
+    Scene {
+        normals: vec![[0.0, 1.0, 0.0]; positions.len()],
+        indices: (0..positions.len() as u32).collect(),
+        parts: vec![Part {
+            first_index: 0,
+            index_count: positions.len() as u32,
+            material: 0,
+        }],
+        positions,
+        ..scenes::cornell()
+    }
+}
+
+/// Visibility about shading normals that lean off the surface, against rays of which those below the surface are blocked.
+/// Without the surface's own share that part of the hemisphere, (1 - cos) / 2, counts as open, but for the floor behind the
+/// wall, which a normal that leans down from the wall sees through it.
+#[test]
+fn leaning_normals_see_their_own_surface() {
+    let gpu = gpu();
+    let scene = floor_and_wall();
+    let size = [96, 64];
+    let camera = Camera::look_at(
+        DVec3::new(0.7, 1.3, 3.0),
+        DVec3::new(0.0, 0.5, 0.0),
+        DVec3::Y,
+        perspective(60.0, 1.5, 0.1),
+        Viewport::full(size[0], size[1]),
+    )
+    .expect("a camera");
+    for overlap in [Overlap::Add, Overlap::Independent] {
+        let passes = [false, true].map(|own_surface| {
+            let effect = AmbientOcclusion {
+                own_surface,
+                overlap,
+                ..AmbientOcclusion::default()
+            };
+            (effect, Passes::new(&gpu, &effect.effect(), false))
+        });
+        // What the effect is off by anyway: exp(-sum) is for what lies independently.
+        let mut upright = None;
+        for degrees in [0.0_f64, 20.0, 45.0, 70.0] {
+            let angle = degrees.to_radians();
+            let mut shot = Shot::new(&gpu, &scene, &camera);
+            lean(&mut shot, &gpu, angle);
+            let truth = about_shading_normals(&shot);
+            let [without, with] = passes.each_ref().map(|(effect, passes)| {
+                let mut options = Options::new(splat_settings(1, 0.01));
+                options.surfelizer.radius_pixels = 1.0;
+                let sums = run(&gpu, &shot, passes, &options).sums(&gpu, 0);
+                let errors: Vec<f64> = (sums.iter().zip(&truth))
+                    .filter_map(|(&sum, truth)| Some(effect.visibility(f64::from(sum)) - (*truth)?))
+                    .collect();
+                errors.iter().sum::<f64>() / errors.len() as f64
+            });
+            let below = 0.5 - 0.5 * angle.cos();
+            println!(
+                "{overlap:?}, {degrees} degrees, {below:.3} below: bias {without:+.4} without, {with:+.4} with"
+            );
+            let anyway = *upright.get_or_insert(without);
+            assert!(anyway.abs() < 0.04, "{overlap:?}: {anyway}");
+            // And the more so the more there is to multiply.
+            let more = if overlap == Overlap::Add {
+                0.0
+            } else {
+                0.25 * below
+            };
+            assert!(
+                (with - anyway).abs() < 0.01 + more,
+                "{overlap:?}, {degrees} degrees: {with} for {anyway}"
+            );
+            assert!(
+                without - anyway > 0.8 * below - 0.01,
+                "{overlap:?}, {degrees} degrees: {without}, {below} below"
+            );
+        }
+    }
+}
+
+/// Of 256 directions about each pixel's shading normal those that are above its surface and meet nothing.
+fn about_shading_normals(shot: &Shot) -> Vec<Option<f64>> {
+    let width = shot.camera.viewport().width;
+    (0..)
+        .zip(&shot.pixels)
+        .map(|(i, pixel)| {
+            let at = (*pixel)?.receiver;
+            let origin = at.position + at.geometric_normal * shot.tracer.epsilon();
+            let open = (0..256).filter(|&index| {
+                let pixel = [i % width, i / width];
+                let point = directions::cell_point(pixel, index, [16, 16], 0);
+                let normal = at.shading_normal;
+                let along =
+                    directions::hemisphere_direction(point, normal, Sampling::Cosine).direction;
+                let far = f64::INFINITY;
+                along.dot(at.geometric_normal) > 0.0
+                    && !shot.tracer.occluded(origin, along, 0.0, far)
+            });
+            Some(open.count() as f64 / 256.0)
+        })
+        .collect()
+}
+
 /// A square of side 2 s at height h over a floor pixel, of one surfel: the sum is the form factor of a disk of its area.
 #[test]
 fn one_surfel_gives_the_form_factor() {
@@ -475,6 +658,7 @@ fn resolve(sum: vec3f, albedo: vec3f) -> vec4f {
         materials: true,
         albedo: false,
         two_sided: false,
+        own_surface: false,
         constants: vec![("GAIN".into(), 2.0)],
     }
 }
@@ -960,13 +1144,23 @@ fn bad_settings_are_typed_errors() {
     let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, [8, 8]));
     let surfelizer = Surfelizer::new(device, None).expect("pipelines");
     let options = Options::new(splat_settings(2, 0.01));
-    let cloud = surfelizer
+    let mut cloud = surfelizer
         .create_cloud(device, options.capacity)
         .expect("a cloud");
     let mut clusters = splatter
         .create_clusters(device, &cloud, 2)
         .expect("clusters");
     let mut encoder = gpu.encoder();
+    let input = SurfelizerInput {
+        geometry: Geometry { meshes: &[] },
+        camera: &shot.camera,
+        cull_by: &[],
+        timestamps: None,
+    };
+    let settings = SurfelizerSettings::default();
+    surfelizer
+        .record(device, &mut encoder, &input, &settings, &mut cloud)
+        .expect("surfels");
     let input = ClusterInput {
         cloud: &cloud,
         materials: None,

@@ -1247,16 +1247,10 @@ fn place_and_scale_do_not_matter() {
 #[test]
 fn empty_clouds_are_valid() {
     let lab = Lab::new();
-    let never = Lit {
-        cloud: lab.empty_cloud(),
-        origin: DVec3::ZERO,
-        surfels: Vec::new(),
-    };
     let grey = [material(ALBEDO, [1.0; 3])];
     let light = [unshadowed(point(DVec3::Y, [1.0; 3]))];
-    // `shade` checks that nothing is written.
-    assert!(lab.shade(&never, &grey, &light, 4).is_empty());
     let none = lab.cloud(&squares(&[]), &above(3.0), &SurfelizerSettings::default());
+    // `shade` checks that nothing is written.
     assert!(lab.shade(&none, &grey, &light, 4).is_empty());
     assert!(lab.shade(&none, &grey, &[], 4).is_empty());
 }
@@ -1265,7 +1259,8 @@ fn empty_clouds_are_valid() {
 fn what_does_not_fit_is_a_typed_error() {
     let lab = Lab::new();
     let device = &lab.gpu.device;
-    let cloud = lab.empty_cloud();
+    let none = lab.cloud(&squares(&[]), &above(3.0), &SurfelizerSettings::default());
+    let cloud = none.cloud;
     let storage = wgpu::BufferUsages::STORAGE;
     let materials = lab.gpu.buffer(&[material(ALBEDO, [0.0; 3])], storage);
     let radiance = lab.shader.create_radiance(device, &cloud).expect("room");

@@ -48,6 +48,8 @@ enum Surface {
 struct World {
     origin: DVec3,
     block: Option<f64>,
+    /// The middle, on the floor, of a slab 5 cm high, 1.2 by 0.8 across.
+    slab: Option<DVec3>,
     /// How much normals are bent, as by a normal map.
     hills: f64,
 }
@@ -55,6 +57,7 @@ struct World {
 const ROOM: World = World {
     origin: DVec3::ZERO,
     block: None,
+    slab: None,
     hills: 0.0,
 };
 
@@ -82,6 +85,13 @@ impl World {
             let face = along((-3.0 - from.z) / direction.z);
             if (face.x - middle).abs() < 0.6 && face.y.abs() < 0.6 {
                 return hit(Surface::Block, face, DVec3::Z);
+            }
+        }
+        if let Some(middle) = self.slab {
+            let top = along((-0.95 - from.y) / direction.y);
+            let off = (top - middle).abs();
+            if direction.y < 0.0 && off.x < 0.6 && off.z < 0.4 {
+                return hit(Surface::Block, top, DVec3::Y);
             }
         }
         if direction.y < 0.0 {
@@ -520,6 +530,7 @@ fn histories_match_the_mirror() {
             let world = World {
                 origin: DVec3::splat(origin),
                 block: Some(-0.5 + 0.15 * t),
+                slab: None,
                 hills: 0.3,
             };
             let toward = DVec3::new(0.02 * t, -0.01 * t, -1.0);
@@ -946,6 +957,150 @@ fn nothing_ghosts_where_a_block_was() {
             .zip(&picture)
             .filter(|(p, now)| p.mean.x - now.x > 0.3);
         assert!(ghosts.count() > 40);
+    }
+}
+
+/// The surface that all texels show from which a pixel that moved by so much fetches its history.
+fn surface_of_taps(before: &Shot, index: usize, motion: DVec2) -> Option<Surface> {
+    let viewport = before.camera.viewport();
+    let [x, y] = [index as u32 % viewport.width, index as u32 / viewport.width].map(f64::from);
+    let place = DVec2::new(x, y) - motion;
+    let base = place.floor();
+    let mut found = None;
+    for corner in [DVec2::ZERO, DVec2::X, DVec2::Y, DVec2::ONE] {
+        let at = base + corner;
+        let weight = DVec2::ONE - (place - at).abs();
+        let end = DVec2::new(f64::from(viewport.width), f64::from(viewport.height));
+        if weight.x * weight.y <= 0.0 {
+            continue;
+        }
+        if at.cmplt(DVec2::ZERO).any() || at.cmpge(end).any() {
+            return None;
+        }
+        let surface = before.hits[at.y as usize * viewport.width as usize + at.x as usize]?.surface;
+        if found.is_some_and(|found| found != surface) {
+            return None;
+        }
+        found = Some(surface);
+    }
+    found
+}
+
+/// A slab 5 cm high that slides over a floor 5.7 m away, under a camera that stands or moves: what it uncovers starts anew at
+/// the default settings, from the frame on in which it begins to move, and the floor beside it keeps its history.
+#[test]
+fn nothing_ghosts_behind_a_thin_mover() {
+    let gpu = gpu();
+    let viewport = Viewport::full(240, 160);
+    let eye = DVec3::new(0.0, 2.5, 4.0);
+    let toward = DVec3::new(0.0, -2.5, -5.0);
+    // How far it goes in a frame: many pixels, one or two, and a fifth of one; to the side, away and nearer.
+    for (step, what) in [
+        (DVec3::new(0.4, 0.0, 0.0), "fast"),
+        (DVec3::new(0.05, 0.0, -0.02), "slow"),
+        (DVec3::new(0.0, 0.0, -0.4), "away"),
+        (DVec3::new(-0.1, 0.0, 0.3), "nearer"),
+        (DVec3::new(0.005, 0.0, 0.0), "hardly"),
+    ] {
+        let mut in_all = 0;
+        for drift in [DVec3::ZERO, DVec3::new(0.02, 0.01, -0.03)] {
+            let mut rig = Rig::new(&gpu, Channels::One, [240, 160], TemporalSettings::default());
+            let mut before: Option<Shot> = None;
+            let (mut uncovered, mut ghosts) = (0, 0);
+            let (mut floor, mut anew) = (0, 0);
+            let (mut followed, mut lost) = (0, 0);
+            for frame in 0..8 {
+                // It stands for some frames, and then begins to move at once.
+                let moves = |frame: u32| f64::from(frame.max(4) - 4);
+                let at = |frame| DVec3::new(0.0, 0.0, -0.8) + step * moves(frame);
+                let world = World {
+                    slab: Some(at(frame)),
+                    ..ROOM
+                };
+                let camera = look(
+                    eye + drift * f64::from(frame),
+                    toward,
+                    Projection::Reversed,
+                    viewport,
+                );
+                let shot = Shot::new(&gpu, world, &camera);
+                let last = rig.previous.unwrap_or(camera);
+                let moved = if frame > 0 {
+                    at(frame) - at(frame - 1)
+                } else {
+                    DVec3::ZERO
+                };
+                let was = |hit: Hit| match hit.surface {
+                    Surface::Block => hit.point - moved,
+                    _ => hit.point,
+                };
+                let motion: Vec<DVec2> = (pixels(viewport).zip(&shot.hits))
+                    .map(|([x, y], hit)| {
+                        let place = hit.and_then(|hit| last.project(was(hit) - last.eye()));
+                        let here = DVec2::new(f64::from(x), f64::from(y)) + 0.5;
+                        place.map_or(DVec2::ZERO, |place| {
+                            // What stands still under a camera that does is where it was, exactly.
+                            let off = here - place.truncate();
+                            if off.length() < 1e-9 {
+                                DVec2::ZERO
+                            } else {
+                                off
+                            }
+                        })
+                    })
+                    .collect();
+                let picture = shot.paint(|i, hit| match hit {
+                    Some(hit) if hit.surface == Surface::Block => 1.0,
+                    _ => 0.2 * noise(i, frame),
+                });
+                let found = rig.step(
+                    &shot,
+                    Frame {
+                        picture: &picture,
+                        motion: Some(&motion),
+                        reset: false,
+                    },
+                );
+                let (beyond, worst) = differences(&found, rig.expected());
+                assert!(
+                    beyond as f64 <= EXCEPTIONS * found.len() as f64,
+                    "{what}, frame {frame}: {beyond} differ, others by up to {worst}"
+                );
+                if let Some(before) = &before {
+                    for (i, (pixel, hit)) in found.iter().zip(&shot.hits).enumerate() {
+                        let Some(hit) = hit else { continue };
+                        let Some(was) = surface_of_taps(before, i, motion[i]) else {
+                            continue;
+                        };
+                        let young = usize::from(pixel.frames <= 1.0);
+                        match (hit.surface, was) {
+                            (Surface::Floor, Surface::Block) => {
+                                uncovered += 1;
+                                ghosts += 1 - young;
+                            }
+                            (Surface::Floor, Surface::Floor) => {
+                                floor += 1;
+                                anew += young;
+                            }
+                            (Surface::Block, Surface::Block) => {
+                                followed += 1;
+                                lost += young;
+                            }
+                            _ => {}
+                        }
+                    }
+                }
+                before = Some(shot);
+            }
+            println!(
+                "{what}, camera by {drift}: {ghosts} of {uncovered} uncovered keep a history; {anew} of {floor} of the floor \
+                 and {lost} of {followed} of the slab lose it"
+            );
+            assert!(floor > 50_000 && followed > 1000, "{what}");
+            assert_eq!([ghosts, anew, lost], [0; 3], "{what}, camera by {drift}");
+            in_all += uncovered;
+        }
+        assert!(in_all > 0, "{what}: nothing was uncovered");
     }
 }
 

@@ -54,6 +54,7 @@ override SAMPLING: u32 = 0u;
 #else
 @group(0) @binding(3) var means: texture_2d<f32>;
 #if ALBEDO
+#import albedo
 @group(0) @binding(4) var albedo_texture: texture_2d<f32>;
 #endif
 #endif
@@ -277,7 +278,7 @@ fn reconstruct(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
   let mean = sum / max(weights, 1e-6);
 #if RADIANCE
 #if ALBEDO
-  return vec4f(mean * textureLoad(albedo_texture, corner + at, 0).xyz, 1.0);
+  return vec4f(mean * decode_albedo(textureLoad(albedo_texture, corner + at, 0).xyz), 1.0);
 #else
   return vec4f(mean, 1.0);
 #endif

@@ -51,6 +51,7 @@ struct Params {
 #endif
 #if ALBEDO
 #import sub_image
+#import albedo
 @group(0) @binding(4) var albedo_texture: texture_2d<f32>;
 #endif
 #import effect
@@ -209,7 +210,7 @@ fn reconstruct(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
   var albedo = vec3f(1.0);
 #if ALBEDO
   let pixel = stands_for(vec2u(at), params.sub_image, params.viewport.zw);
-  albedo = textureLoad(albedo_texture, params.viewport.xy + pixel, 0).xyz;
+  albedo = decode_albedo(textureLoad(albedo_texture, params.viewport.xy + pixel, 0).xyz);
 #endif
   var total = Sum(0.0);
   if textureLoad(receivers, at, 0).w != SKY {

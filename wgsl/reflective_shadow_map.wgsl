@@ -7,6 +7,7 @@
 #import packing
 #import camera
 #import receiver
+#import albedo
 #import light
 
 struct Params {
@@ -48,7 +49,7 @@ fn texel_to_light(@builtin(global_invocation_id) id: vec3u) {
     let toward = to_camera(params.camera, relative);
     let arrival = light_at(params.light, p);
     let irradiance = arrival.irradiance * max(dot(n, arrival.to_light), 0.0);
-    let albedo = clamp(textureLoad(albedo_texture, params.camera.viewport.xy + id.xy, 0).xyz, vec3f(0.0), vec3f(1.0));
+    let albedo = decode_albedo(textureLoad(albedo_texture, params.camera.viewport.xy + id.xy, 0).xyz);
     // Half the texel's sides across the ray, cast along the ray onto the surface.
     let half_side = 0.5 * footprint(params.camera, relative);
     let cosine = max(dot(n, toward), MIN_COSINE);

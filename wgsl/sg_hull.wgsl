@@ -23,6 +23,7 @@
 @group(0) @binding(4) var<storage, read> counters: Counters;
 @group(0) @binding(5) var<storage, read> vertices: array<HullVertex>;
 #if ALBEDO
+#import albedo
 @group(0) @binding(6) var albedo_texture: texture_2d<f32>;
 #endif
 #if GLOSSY
@@ -113,7 +114,7 @@ fn is_of(pixel: vec2u, id: u32) -> bool {
 fn reflected(pixel: vec2u, irradiance: vec3f) -> vec4f {
   var color = irradiance / PI;
 #if ALBEDO
-  color *= textureLoad(albedo_texture, params.camera.viewport.xy + pixel, 0).xyz;
+  color *= decode_albedo(textureLoad(albedo_texture, params.camera.viewport.xy + pixel, 0).xyz);
 #endif
   return vec4f(color, 1.0);
 }

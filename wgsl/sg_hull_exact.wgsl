@@ -19,6 +19,7 @@
 @group(0) @binding(3) var<storage, read_write> pixels: array<vec4u>;
 @group(0) @binding(4) var<storage, read> gathered: array<vec4u>;
 #if ALBEDO
+#import albedo
 @group(0) @binding(6) var albedo_texture: texture_2d<f32>;
 #endif
 #if GLOSSY
@@ -28,7 +29,7 @@
 fn reflected(pixel: vec2u, irradiance: vec3f) -> vec4f {
   var color = irradiance / PI;
 #if ALBEDO
-  color *= textureLoad(albedo_texture, params.camera.viewport.xy + pixel, 0).xyz;
+  color *= decode_albedo(textureLoad(albedo_texture, params.camera.viewport.xy + pixel, 0).xyz);
 #endif
   return vec4f(color, 1.0);
 }

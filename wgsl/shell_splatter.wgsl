@@ -286,19 +286,80 @@ struct Pixel {
   normal: vec3f,
   // x in the lower half, y in the upper.
   at: u32,
+#if OWN_SURFACE
+  // Of the surface itself, where `normal` may be that of a normal map.
+  surface: vec3f,
+#endif
 }
+
+#if OWN_SURFACE
+
+// The unit vector to a pixel's neighbour, and how much the line of the two is bent at it: 0 on a plane, up to 2.
+struct Side {
+  direction: vec3f,
+  bend: f32,
+}
+
+const NO_SIDE: Side = Side(vec3f(0.0), 4.0);
+
+fn side_of(at: vec2i, step: vec2i, position: vec3f) -> Side {
+  let near = at + step;
+  let far = near + step;
+  if any(near < vec2i(0)) || any(near >= vec2i(params.size)) {
+    return NO_SIDE;
+  }
+  let near_texel = textureLoad(receivers, near, 0);
+  if near_texel.w == SKY {
+    return NO_SIDE;
+  }
+  let direction = normalize_or(receiver_position(near_texel) - position, vec3f(0.0));
+  if any(far < vec2i(0)) || any(far >= vec2i(params.size)) {
+    return Side(direction, 2.0);
+  }
+  let far_texel = textureLoad(receivers, far, 0);
+  if far_texel.w == SKY {
+    return Side(direction, 2.0);
+  }
+  let further = receiver_position(far_texel) - receiver_position(near_texel);
+  return Side(direction, 1.0 - dot(direction, normalize_or(further, vec3f(0.0))));
+}
+
+// Along a row or a column of the image within the surface that a pixel shows: from or to the neighbour that lies in line
+// with the one after it, as it does unless an edge is between.
+fn along_surface(at: vec2i, step: vec2i, position: vec3f) -> vec3f {
+  let before = side_of(at, -step, position);
+  let after = side_of(at, step, position);
+  return select(after.direction, -before.direction, before.bend < after.bend);
+}
+
+// The normal of the surface at a pixel, from the positions around it, on the side of its shading normal; that itself where
+// no neighbour shows anything.
+fn surface_normal(at: vec2i, position: vec3f, normal: vec3f) -> vec3f {
+  let across = cross(along_surface(at, vec2i(1, 0), position), along_surface(at, vec2i(0, 1), position));
+  let found = normalize_or(across, normal);
+  return select(-found, found, dot(found, normal) >= 0.0);
+}
+
+#endif
 
 fn load_pixel(row: vec2u, i: u32, sub_buffer: u32) -> Pixel {
   let block = row + vec2u(i, 0u);
   let at = pixel_of(block, sub_buffer, params.level, params.seed);
   // Far outside of every bounded shell and facing nowhere, so that what follows needs no test for the sky.
+#if OWN_SURFACE
+  var pixel = Pixel(vec3f(UNBOUNDED), 0u, vec3f(0.0), at.x | (at.y << 16u), vec3f(0.0));
+#else
   var pixel = Pixel(vec3f(UNBOUNDED), 0u, vec3f(0.0), at.x | (at.y << 16u));
+#endif
   if sub_buffer < (1u << (2u * params.level)) && all(block < params.sub_size) && all(at < params.size) {
     pixel.inside = 1u;
     let texel = textureLoad(receivers, at, 0);
     if texel.w != SKY {
       pixel.position = receiver_position(texel);
       pixel.normal = unpack_normal(texel.w);
+#if OWN_SURFACE
+      pixel.surface = surface_normal(vec2i(at), pixel.position, pixel.normal);
+#endif
     }
   }
   return pixel;
@@ -312,9 +373,15 @@ fn box_of(pixel: Pixel) -> Box {
   return Box(pixel.position, pixel.position);
 }
 
-fn store_sum(pixel: Pixel, sum: Sum) {
+fn store_sum(pixel: Pixel, surfels_sum: Sum) {
   if pixel.inside != 0u {
     let at = vec2u(pixel.at & 0xffffu, pixel.at >> 16u);
+    var sum = surfels_sum;
+#if OWN_SURFACE
+    if params.level == 0u && pixel.position.x != UNBOUNDED {
+      sum += own_surface(min(dot(pixel.normal, pixel.surface), 1.0));
+    }
+#endif
 #if COLOR
     textureStore(sums, at, params.level, vec4f(sum, 0.0));
 #else
@@ -332,7 +399,11 @@ var<private> contributing: u32;
 fn pair(disk: vec4f, sender: Sender, radii2: vec2f, pixel: Pixel) -> Sum {
   let to_sender = disk.xyz - pixel.position;
   let distance2 = dot(to_sender, to_sender);
+#if OWN_SURFACE
+  let inside = distance2 >= radii2.x && distance2 < radii2.y && dot(pixel.surface, to_sender) > 0.0;
+#else
   let inside = distance2 >= radii2.x && distance2 < radii2.y;
+#endif
   let value = contribution(sender, pixel.normal, to_sender, distance2);
 #if STATISTICS
   in_shell += select(0u, 1u, inside);

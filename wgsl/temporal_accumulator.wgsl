@@ -1,6 +1,7 @@
 // TemporalAccumulator: the mean over frames of a picture that is noisy in each, fetched from where the pixel's surface
 // was (reverse reprojection: Nehab et al. 2007, 3), and the caller's texture from it.
 //
+//   claim       compute, with motion vectors: which texels of the last history belong to what moves
 //   accumulate  compute: this frame's picture and the last history to the next history
 //   show        fragment: the next history to the caller's texture
 //
@@ -9,7 +10,7 @@
 // that a texel can be told to belong to another surface before it counts.
 //
 // @group(0) @binding(0) params, 1 receivers of this frame, 2 of the last, 3 means of the last, 4 the picture, 5 motion
-// vectors, 6 the means to write; for `show` 0 params, 3 the means to show
+// vectors, 6 the means to write, 7 the claims; for `show` 0 params, 3 the means to show
 
 #import math
 #import packing
@@ -58,25 +59,95 @@ fn history_of(texel: vec4f) -> History {
 #endif
 }
 
+#if MOTION
+
+@group(0) @binding(5) var motion_vectors: texture_2d<f32>;
+
+// Minus what the pixel's surface moved by in the picture since the last frame.
+fn motion_offset(pixel: vec2i) -> vec2f {
+  return -params.motion_scale * textureLoad(motion_vectors, vec2i(params.viewport.xy) + pixel, 0).xy;
+}
+
+// Whether two surfaces' offsets differ by more than motion vectors in 16 bits may be off.
+fn apart(a: vec2f, b: vec2f) -> bool {
+  return length(a - b) > 0.0625 + 0.00390625 * length(a);
+}
+
+#endif
+
+// Where a surface that stands still was in the last picture, as an offset from its pixel: a small number keeps the
+// fraction that a large one loses, and under a camera that did not move it is exactly 0. `position` is relative to the last
+// eye.
+fn still_offset(pixel: vec2i, position: vec3f) -> vec2f {
+  if params.still != 0u {
+    return vec2f(0.0);
+  }
+  let h = params.project * vec4f(position, 1.0);
+  let middle = 0.5 * vec2f(size());
+  // Behind the last eye's plane is outside of its picture.
+  return select(2.0 * vec2f(size()), h.xy / h.w - (vec2f(pixel) + 0.5 - middle), h.w > 0.0);
+}
+
+// Whether an offset is finite and leads somewhere near the picture: no larger number fits into an integer.
+fn is_near(offset: vec2f) -> bool {
+  let beyond = max_component(vec3f(abs(offset) - vec2f(size()), 0.0));
+  return is_finite3(vec3f(offset, 0.0)) && beyond <= 0.0;
+}
+
+#if CLAIM
+
+@group(0) @binding(1) var receivers: texture_2d<u32>;
+// One a texel of the last history: one more than the index of a pixel that shows now what moved away from about there.
+@group(0) @binding(7) var<storage, read_write> claims: array<atomic<u32>>;
+
+@compute @workgroup_size(8, 8)
+fn claim(@builtin(global_invocation_id) id: vec3u) {
+  let pixel = vec2i(id.xy);
+  if any(pixel >= size()) {
+    return;
+  }
+  let receiver = textureLoad(receivers, pixel, 0);
+  let offset = motion_offset(pixel);
+  if receiver.w == SKY || !is_near(offset) {
+    return;
+  }
+  if !apart(offset, still_offset(pixel, receiver_position(receiver) - params.previous.eye)) {
+    return;
+  }
+  // All texels within a pixel and a half, so that what was larger then leaves no gaps.
+  let middle = pixel + vec2i(floor(offset + 0.5));
+  for (var i = 0; i < 9; i++) {
+    let at = middle + vec2i(i % 3 - 1, i / 3 - 1);
+    if all(at >= vec2i(0)) && all(at < size()) {
+      // The largest index, so that the order of threads decides nothing.
+      atomicMax(&claims[at.y * size().x + at.x], u32(pixel.y * size().x + pixel.x) + 1u);
+    }
+  }
+}
+
+#endif
+
 #if ACCUMULATE
 
 @group(0) @binding(1) var receivers: texture_2d<u32>;
 @group(0) @binding(2) var previous_receivers: texture_2d<u32>;
 @group(0) @binding(3) var previous_means: texture_2d<f32>;
 @group(0) @binding(4) var picture: texture_2d<f32>;
-#if MOTION
-@group(0) @binding(5) var motion_vectors: texture_2d<f32>;
-#endif
 #if COLOR
 @group(0) @binding(6) var means: texture_storage_2d<rgba32float, write>;
 #else
 @group(0) @binding(6) var means: texture_storage_2d<rg32float, write>;
+#endif
+#if MOTION
+@group(0) @binding(7) var<storage, read> claims: array<u32>;
 #endif
 
 const NONE: History = History(vec3f(0.0), 0.0);
 
 // What a tap that does not fit must be nearer than, off the plane of the pixel, to fit after all; in pixels' sides.
 const PLANE_TOLERANCE: f32 = 0.5;
+// The same for a tap of a texel that something else moved away from.
+const CLAIMED_TOLERANCE: f32 = 0.125;
 
 fn current(pixel: vec2i) -> vec3f {
   let texel = textureLoad(picture, vec2i(params.viewport.xy) + pixel, 0);
@@ -87,24 +158,26 @@ fn current(pixel: vec2i) -> vec3f {
 #endif
 }
 
-// Where the pixel's surface was in the last picture, as an offset from the pixel: a small number keeps the fraction
-// that a large one loses, and what did not move has exactly 0. `position` is relative to the last eye.
+// Where the pixel's surface was in the last picture, as an offset from the pixel.
 fn offset_of(pixel: vec2i, position: vec3f) -> vec2f {
 #if MOTION
-  return -params.motion_scale * textureLoad(motion_vectors, vec2i(params.viewport.xy) + pixel, 0).xy;
+  return motion_offset(pixel);
 #else
-  if params.still != 0u {
-    return vec2f(0.0);
-  }
-  let h = params.project * vec4f(position, 1.0);
-  let middle = 0.5 * vec2f(size());
-  // Behind the last eye's plane is outside of its picture.
-  return select(2.0 * vec2f(size()), h.xy / h.w - (vec2f(pixel) + 0.5 - middle), h.w > 0.0);
+  return still_offset(pixel, position);
 #endif
 }
 
-// The history at a texel, if it is of the surface at `position` with `normal`, relative to the last eye.
-fn tap(at: vec2i, position: vec3f, normal: vec3f) -> History {
+#if MOTION
+// Whether a surface with another offset was near a texel of the last history.
+fn is_claimed(at: vec2i, offset: vec2f) -> bool {
+  let claimant = i32(claims[at.y * size().x + at.x]) - 1;
+  return claimant >= 0 && apart(motion_offset(vec2i(claimant % size().x, claimant / size().x)), offset);
+}
+#endif
+
+// The history at a texel, if it is of the surface at `position` with `normal`, relative to the last eye, which was at
+// `offset`.
+fn tap(at: vec2i, offset: vec2f, position: vec3f, normal: vec3f) -> History {
   if any(at < vec2i(0)) || any(at >= size()) {
     return NONE;
   }
@@ -117,18 +190,22 @@ fn tap(at: vec2i, position: vec3f, normal: vec3f) -> History {
   let distance = length(position);
   let off_distance = abs(length(there) - distance);
   let off_plane = abs(dot(normal, there - position));
-  if off_distance > params.depth_tolerance * distance
-    && off_plane > PLANE_TOLERANCE * footprint(params.previous, position) {
+  let side = footprint(params.previous, position);
+  if off_distance > params.depth_tolerance * distance && off_plane > PLANE_TOLERANCE * side {
     return NONE;
   }
+#if MOTION
+  // What moves may have been a hair's breadth in front of it.
+  if off_plane > CLAIMED_TOLERANCE * side && is_claimed(at, offset) {
+    return NONE;
+  }
+#endif
   return history_of(textureLoad(previous_means, at, 0));
 }
 
 // The history at an offset from a pixel: bilinear, over the taps that fit.
 fn fetch(pixel: vec2i, offset: vec2f, position: vec3f, normal: vec3f) -> History {
-  // Nothing beyond is in the picture, and no larger number fits into an integer.
-  let reach = max_component(vec3f(abs(offset) - vec2f(size()), 0.0));
-  if !is_finite3(vec3f(offset, 0.0)) || reach > 0.0 {
+  if !is_near(offset) {
     return NONE;
   }
   let base = floor(offset);
@@ -136,14 +213,14 @@ fn fetch(pixel: vec2i, offset: vec2f, position: vec3f, normal: vec3f) -> History
   let first = pixel + vec2i(base);
   // A whole number of pixels: the mean and the count as they are, without a rounding that frames would add up.
   if all(fraction == vec2f(0.0)) {
-    return tap(first, position, normal);
+    return tap(first, offset, position, normal);
   }
   var mean = vec3f(0.0);
   var weights = 0.0;
   var variance = 0.0;
   for (var i = 0; i < 4; i++) {
     let corner = vec2i(i & 1, i >> 1u);
-    let t = tap(first + corner, position, normal);
+    let t = tap(first + corner, offset, position, normal);
     let along = select(1.0 - fraction, fraction, corner == vec2i(1));
     let weight = along.x * along.y;
     if t.frames > 0.0 && weight > 0.0 {
@@ -231,7 +308,9 @@ fn accumulate(@builtin(global_invocation_id) id: vec3u) {
 #endif
 }
 
-#else
+#endif
+
+#if SHOW
 
 #import screen
 

@@ -110,7 +110,8 @@ impl Best {
                         let origin = tracer.start(at.position, at.geometric_normal)
                             + at.geometric_normal * tracer.epsilon();
                         let point = cell_point(pixel, index, grid, 0);
-                        let drawn = hemisphere_direction(point, at.shading_normal, Sampling::Cosine);
+                        let drawn =
+                            hemisphere_direction(point, at.shading_normal, Sampling::Cosine);
                         let ray = ray(origin, drawn.direction, radius);
                         let [nodes, tested, hit] = self.trace(ray, any);
                         for (sum, n) in sum.iter_mut().zip([1, nodes, tested, hit]) {

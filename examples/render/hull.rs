@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use deep_screen_space::{Components, Light, SgHullSize, glam::DVec3, scenes::Scene};
+use deep_screen_space::{Components, Light, SgHullSize, scenes::Scene};
 use serde_json::json;
 
-use crate::{
+use super::{
     Options,
     support::{
         files,
@@ -13,6 +13,7 @@ use crate::{
         hull::{HullRenderer, Lamp, difference},
         raster::Raster,
         scene::SceneBuffers,
+        visible::near_of,
     },
     view::Shot,
 };
@@ -28,7 +29,7 @@ pub fn render(gpu: &Gpu, options: &Options, scene: &Scene, shot: &Shot) -> Resul
     let raster = Raster::draw(gpu, &buffers, &camera);
     let size = SgHullSize::new(shot.width, shot.height);
     let renderer = HullRenderer::new(gpu, size, Components::default()).map_err(error)?;
-    let lamp = match shot.lights().first() {
+    let lamp = match shot.lights.first() {
         Some(Light::Directional {
             direction,
             irradiance,
@@ -43,9 +44,18 @@ pub fn render(gpu: &Gpu, options: &Options, scene: &Scene, shot: &Shot) -> Resul
                 intensity,
                 ..
             },
-        ) => Lamp::spot(*position, DVec3::from(shot.target), MAP_DEGREES, *intensity),
+        ) => {
+            // From the target itself, on along the line of sight.
+            let target = match shot.target.distance(*position) {
+                0.0 => 2.0 * shot.target - shot.eye,
+                _ => shot.target,
+            };
+            let near = near_of(scene, *position, 1e-2 * target.distance(*position));
+            Lamp::spot([*position, target], near, MAP_DEGREES, *intensity)
+        }
         None => Lamp::of(scene),
-    };
+    }
+    .map_err(error)?;
     let lights = renderer
         .lights(gpu, &buffers, &lamp, camera.eye())
         .map_err(error)?;

@@ -15,7 +15,7 @@ mod near;
 mod view;
 
 #[path = "../support/mod.rs"]
-mod support;
+pub(crate) mod support;
 
 use std::{path::PathBuf, process::ExitCode};
 
@@ -26,17 +26,21 @@ use deep_screen_space::{
     scenes::{self, Scene},
 };
 use methods::Rendered;
+use serde::Serialize;
+use serde_json::json;
 use support::{
     arguments, files,
     gltf::{Loaded, load_gltf},
     gpu::{Ask, Gpu},
+    near::Effect,
     presets,
 };
+use view::Shot;
 
 /// Ambient occlusion or indirect light of a scene, with all that is hidden or off screen.
 #[derive(Parser)]
 #[command(about)]
-struct Options {
+pub(crate) struct Options {
     /// A glTF 2.0 file, or the name of one of the crate's scenes; the colonnade if left out.
     scene: Option<String>,
     /// A JSON file of cameras by scene, each with name, eye, target, up, `vfov_deg`, near, width, height and light.
@@ -51,8 +55,14 @@ struct Options {
     /// What the eye looks at, x,y,z.
     #[arg(long, value_parser = view::parse_point, requires = "eye", allow_hyphen_values = true)]
     target: Option<DVec3>,
+    /// A direction that is up in the picture, x,y,z; if left out, y, or -z for a view straight down.
+    #[arg(long, value_parser = view::parse_point, allow_hyphen_values = true)]
+    up: Option<DVec3>,
+    /// Distance of the near plane; if left out, or if the eye is given, before all that is seen.
+    #[arg(long, allow_negative_numbers = true)]
+    near: Option<f64>,
     /// Vertical field of view in degrees.
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true)]
     vfov: Option<f64>,
     /// Size of the picture in pixels, `WxH`.
     #[arg(long, value_parser = arguments::parse_size)]
@@ -60,7 +70,7 @@ struct Options {
     /// What to compute: ambient occlusion, one bounce of diffuse light, volumetric obscurance, soft shadows or indirect light
     /// from the G-buffer alone, or a bounce from a reflective shadow map on a hull.
     #[arg(long, default_value = "ao", value_parser = ["ao", "gi", "vo", "shadow", "ssgi", "sg"])]
-    effect: String,
+    pub(crate) effect: String,
     /// Compute `vo`, `shadow` or `ssgi` at the resolution that each part of the picture needs, by a multi-resolution mask, and
     /// say how far that is from all of it at full resolution.
     #[arg(long)]
@@ -73,7 +83,7 @@ struct Options {
     preset: String,
     /// Distance beyond which nothing occludes, world units, or inf; if left out, what suits the crate's own scene, and
     /// inf for a file. Light comes from any distance.
-    #[arg(long, value_parser = view::parse_radius)]
+    #[arg(long, value_parser = view::parse_radius, allow_negative_numbers = true)]
     radius: Option<f32>,
     /// Directions a pixel in place of the preset's, for the bounced z-buffer.
     #[arg(long)]
@@ -87,11 +97,14 @@ struct Options {
     /// Combine occluders as if they lay independently of each other, for splatting.
     #[arg(long)]
     independent: bool,
-    /// Surfels that there is room for.
+    /// Surfels that there is room for, for splatting.
     #[arg(long, default_value_t = 4_000_000)]
     surfels: u32,
+    /// Pieces of triangles that there is room for; if left out, as many as the scene comes to, if the device can hold them.
+    #[arg(long)]
+    pieces: Option<u32>,
     /// Trace the truth too, with this many rays a pixel.
-    #[arg(long, num_args = 0..=1, default_missing_value = "256")]
+    #[arg(long, num_args = 0..=1, default_missing_value = "256", value_parser = clap::value_parser!(u32).range(1..))]
     reference: Option<u32>,
     /// Where to write.
     #[arg(long, default_value = "out")]
@@ -120,10 +133,16 @@ fn main() -> ExitCode {
 }
 
 fn run(options: &Options) -> Result<(), String> {
+    let (scene, shot) = prepare(options)?;
+    let gpu = Gpu::open(Ask::room_from_env()?)?;
+    gpu.end_on_error("render");
+    draw(&gpu, options, &scene, &shot)
+}
+
+/// Reads the scene, and finds the place to look from.
+pub(crate) fn prepare(options: &Options) -> Result<(Scene, Shot), String> {
     let loaded: Loaded = match options.scene.as_deref() {
-        None => scenes::by_name("colonnade")
-            .ok_or("the colonnade is missing")?
-            .into(),
+        None => scenes::colonnade().into(),
         Some(name) => match scenes::by_name(name) {
             Some(scene) => scene.into(),
             None => load_gltf(name.as_ref())?,
@@ -132,36 +151,42 @@ fn run(options: &Options) -> Result<(), String> {
     for note in &loaded.notes {
         eprintln!("render: {note}");
     }
-    let shot = view::choose(options, &loaded)?;
-    let scene = loaded.scene;
+    view::choose(options, loaded)
+}
+
+/// Renders, and writes what comes of it.
+pub(crate) fn draw(gpu: &Gpu, options: &Options, scene: &Scene, shot: &Shot) -> Result<(), String> {
     let radius = if options.gi() {
         f32::INFINITY
     } else {
         options.radius.unwrap_or(scene.ao_radius)
     };
     std::fs::create_dir_all(&options.out).map_err(|e| format!("{}: {e}", options.out.display()))?;
-    let gpu = Gpu::open(Ask::from_env())?;
     if options.effect == "sg" {
-        return hull::render(&gpu, options, &scene, &shot);
+        return hull::render(gpu, options, scene, shot);
     }
-    let by_sub_images = support::near::Effect::by_name(&options.effect);
+    let by_sub_images = Effect::by_name(&options.effect);
     if options.multires && by_sub_images.is_none() {
         return Err("--multires is for --effect vo, shadow and ssgi".into());
     }
-    // Of obscurance at full resolution the preset says how.
-    let by_sub_images = by_sub_images.filter(|_| options.multires || options.effect != "vo");
-    if options.reference.is_some() && by_sub_images.is_some() {
+    if options.reference.is_some()
+        && by_sub_images.is_some_and(|effect| effect != Effect::Obscurance)
+    {
         return Err("--reference has nothing to say of this effect".into());
     }
     let rendered = match (by_sub_images, options.method.as_str()) {
-        (Some(effect), _) => near::of_pixels(&gpu, options, &scene, &shot, effect)?,
-        _ if options.effect == "vo" => near::obscurance(&gpu, options, &scene, &shot, radius)?,
-        (_, "splat") => methods::splat(&gpu, options, &scene, &shot, radius)?,
-        _ => methods::bounced(&gpu, options, &scene, &shot, radius)?,
+        (Some(effect), _) => near::of_pixels(gpu, options, scene, shot, effect)?,
+        (_, "splat") => methods::splat(gpu, options, scene, shot, radius)?,
+        _ => methods::bounced(gpu, options, scene, shot, radius)?,
     };
 
-    let picture = write(options, &shot, &rendered.pixels, "")?;
-    let stats = rendered.stats(&gpu, options, &shot, radius);
+    let picture = write(options, shot, &rendered.pixels, "")?;
+    let mut stats = rendered.stats(gpu, options, shot, radius);
+    let off = options
+        .reference
+        .map(|rays| compare(options, scene, shot, &rendered.pixels, radius, rays))
+        .transpose()?;
+    stats["reference"] = json!(off);
     let text = serde_json::to_string_pretty(&stats).map_err(|e| e.to_string())?;
     let path = options.out.join("stats.json");
     std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
@@ -173,8 +198,11 @@ fn run(options: &Options) -> Result<(), String> {
         gpu.name()
     );
     report_overflow(&rendered);
-    if let Some(rays) = options.reference {
-        compare(options, &scene, &shot, &rendered.pixels, radius, rays)?;
+    if let Some(off) = off {
+        println!(
+            "against {} rays a pixel: RMSE {:.4}, bias {:+.4}, mean {:.4} over {} pixels",
+            off.rays, off.rmse, off.bias, off.mean, off.pixels
+        );
     }
     Ok(())
 }
@@ -195,7 +223,7 @@ fn report_overflow(rendered: &Rendered) {
 /// Writes a picture as EXR and PNG, and says where the PNG is.
 fn write(
     options: &Options,
-    shot: &view::Shot,
+    shot: &Shot,
     pixels: &[[f32; 3]],
     suffix: &str,
 ) -> Result<PathBuf, String> {
@@ -221,7 +249,7 @@ fn write(
 fn truth(
     options: &Options,
     scene: &Scene,
-    shot: &view::Shot,
+    shot: &Shot,
     radius: f32,
     rays: u32,
 ) -> Result<Vec<Option<DVec3>>, String> {
@@ -236,7 +264,7 @@ fn truth(
     }
     let materials = scene.triangle_materials();
     let albedo = shot.albedo(scene, &tracer);
-    let truth = tracer.one_bounce_image(&receivers, &materials, &shot.lights(), rays, 1, true);
+    let truth = tracer.one_bounce_image(&receivers, &materials, &shot.lights, rays, 1, true);
     Ok(truth
         .into_iter()
         .zip(albedo)
@@ -244,14 +272,26 @@ fn truth(
         .collect())
 }
 
+/// How far a picture is off the truth, over the pixels that show something.
+#[derive(Serialize)]
+struct Off {
+    rays: u32,
+    rmse: f64,
+    bias: f64,
+    /// Of the truth.
+    mean: f64,
+    pixels: u32,
+}
+
+/// How far a picture is off the truth, which it writes.
 fn compare(
     options: &Options,
     scene: &Scene,
-    shot: &view::Shot,
+    shot: &Shot,
     pixels: &[[f32; 3]],
     radius: f32,
     rays: u32,
-) -> Result<(), String> {
+) -> Result<Off, String> {
     let truth = truth(options, scene, shot, radius, rays)?;
     let (mut squares, mut bias, mut mean, mut count) = (0.0, 0.0, 0.0, 0_u32);
     let empty = if options.gi() { [0.0; 3] } else { [1.0; 3] };
@@ -271,11 +311,11 @@ fn compare(
     write(options, shot, &image, "_reference")?;
     write(options, shot, &difference, "_difference_x4")?;
     let n = f64::from(count.max(1));
-    println!(
-        "against {rays} rays a pixel: RMSE {:.4}, bias {:+.4}, mean {:.4} over {count} pixels",
-        (squares / n).sqrt(),
-        bias / n,
-        mean / n
-    );
-    Ok(())
+    Ok(Off {
+        rays,
+        rmse: (squares / n).sqrt(),
+        bias: bias / n,
+        mean: mean / n,
+        pixels: count,
+    })
 }

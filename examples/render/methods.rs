@@ -1,18 +1,14 @@
 //! The ways to render a picture.
 
 use deep_screen_space::{
-    AmbientOcclusion, CloudCapacity, Overlap, Payload, SurfelCounts, scenes::Scene,
+    AmbientOcclusion, CloudCapacity, Error, Overlap, Payload, Piece, SurfelCounts, scenes::Scene,
 };
 use serde_json::{Value, json};
 
-use crate::{
+use super::{
     Options,
     support::{
-        ambient_occlusion::Renderer,
-        bounced::{BouncedRenderer, Picture},
-        gpu::Gpu,
-        presets,
-        raster::Raster,
+        ambient_occlusion::Renderer, bounced::BouncedRenderer, gpu::Gpu, presets, raster::Raster,
         scene::SceneBuffers,
     },
     view::Shot,
@@ -66,11 +62,62 @@ impl Rendered {
     }
 }
 
-fn capacity(buffers: &SceneBuffers, surfels: u32) -> CloudCapacity {
-    CloudCapacity {
+/// The largest share of the pieces' area that a picture may be without.
+const MOST_LOST: f64 = 1e-3;
+
+/// Renders with room for the pieces that the scene comes to, as far as the device has it. How many there are is known once
+/// they were made: where the first guess was too low, with more room.
+fn with_room<R, T>(
+    (gpu, options, buffers): (&Gpu, &Options, &SceneBuffers),
+    surfels: u32,
+    create: impl Fn(CloudCapacity) -> Result<R, Error>,
+    mut render: impl FnMut(&mut R) -> Result<T, Error>,
+    outcome: impl Fn(&T) -> (f64, SurfelCounts),
+) -> Result<(R, T, CloudCapacity), String> {
+    let limits = gpu.device.limits();
+    let bytes = limits
+        .max_buffer_size
+        .min(limits.max_storage_buffer_binding_size);
+    let most = (bytes / size_of::<Piece>() as u64).min(1 << 23) as u32;
+    let mut capacity = CloudCapacity {
         surfels,
-        pieces: (buffers.triangles() + 200_000).min(2_700_000),
+        pieces: options
+            .pieces
+            .unwrap_or_else(|| most.min(buffers.triangles() + 200_000)),
         triangles: buffers.triangles(),
+    };
+    loop {
+        let mut renderer = create(capacity).map_err(|e| e.to_string())?;
+        let mut rendered = render(&mut renderer).map_err(|e| e.to_string())?;
+        let (ms, counts) = outcome(&rendered);
+        let wanted = counts.pieces.saturating_add(counts.merged).min(most);
+        if options.pieces.is_none() && wanted > capacity.pieces {
+            capacity.pieces = wanted;
+            continue;
+        }
+        let overflow = counts.piece_overflow(capacity);
+        let lost = if counts.lost_area == 0 {
+            f64::from(overflow) / f64::from(counts.pieces.max(1))
+        } else {
+            counts.lost_area_share()
+        };
+        if lost > MOST_LOST {
+            return Err(format!(
+                "{:.2} % of the area found no room: the scene comes to {} pieces, {}",
+                100.0 * lost,
+                counts.pieces,
+                if options.pieces.is_some() {
+                    format!("--pieces gives room for {}", capacity.pieces)
+                } else {
+                    format!("the device has room for {most}")
+                }
+            ));
+        }
+        // Drivers compile a pipeline when it first runs.
+        if ms < LONG {
+            rendered = render(&mut renderer).map_err(|e| e.to_string())?;
+        }
+        return Ok((renderer, rendered, capacity));
     }
 }
 
@@ -105,7 +152,9 @@ pub fn splat(
     let preset = presets::preset(&options.preset, radius).ok_or("no such preset")?;
     let buffers = SceneBuffers::new(gpu, scene);
     let raster = Raster::draw(gpu, &buffers, &camera);
-    let capacity = capacity(&buffers, options.surfels);
+    if options.surfels == 0 {
+        return Err("--method splat takes room for a surfel at least".into());
+    }
     let effect = AmbientOcclusion {
         two_sided: options.two_sided,
         overlap: if options.independent {
@@ -113,14 +162,16 @@ pub fn splat(
         } else {
             Overlap::Add
         },
+        ..AmbientOcclusion::default()
     };
     let size = [shot.width, shot.height];
-    let mut renderer = Renderer::new(gpu, effect, capacity, size, preset.splat.levels, false)
-        .map_err(|e| e.to_string())?;
     let meshes = buffers.meshes();
-    let rendered = twice(
-        || renderer.render(gpu, &raster, &meshes, &camera, &preset),
-        |rendered| rendered.passes.iter().map(|p| p.1).sum(),
+    let (renderer, rendered, capacity) = with_room(
+        (gpu, options, &buffers),
+        options.surfels,
+        |capacity| Renderer::new(gpu, effect, capacity, size, preset.splat.levels, false),
+        |renderer| renderer.render(gpu, &raster, &meshes, &camera, &preset),
+        |rendered| (rendered.total_ms(), rendered.counts),
     )?;
     Ok(Rendered {
         pixels: rendered.visibility.iter().map(|&v| [v; 3]).collect(),
@@ -169,15 +220,15 @@ pub fn bounced(
     }
     let buffers = SceneBuffers::new(gpu, scene);
     let raster = Raster::draw(gpu, &buffers, &camera);
-    let capacity = capacity(&buffers, 0);
     let size = [shot.width, shot.height];
     let directions = preset.bounced.directions;
-    let mut renderer = BouncedRenderer::new(gpu, payload, capacity, size, directions, false)
-        .map_err(|e| e.to_string())?;
-    let lights = shot.lights();
-    let picture = twice(
-        || renderer.render(gpu, &raster, &buffers, &camera, &lights, &preset),
-        Picture::total_ms,
+    let lights = &shot.lights;
+    let (renderer, picture, capacity) = with_room(
+        (gpu, options, &buffers),
+        0,
+        |capacity| BouncedRenderer::new(gpu, payload, capacity, size, directions, false),
+        |renderer| renderer.render(gpu, &raster, &buffers, &camera, lights, &preset),
+        |picture| (picture.total_ms(), picture.counts),
     )?;
     Ok(Rendered {
         pixels: picture.radiance(),

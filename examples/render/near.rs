@@ -1,16 +1,9 @@
 //! Effects of the near field, which read the G-buffer alone.
 
-use deep_screen_space::{
-    CloudCapacity, DiskSamples, Error, Light, ObscuranceInput, ObscuranceSampling,
-    ObscuranceSettings, ObscuranceVolume, SurfelCounts, VolumetricObscurance,
-    VolumetricObscuranceDescriptor,
-    glam::DVec3,
-    scenes::Scene,
-    wgpu::{self, TextureFormat, TextureUsages},
-};
+use deep_screen_space::{CloudCapacity, Error, Light, SurfelCounts, scenes::Scene};
 use serde_json::{Value, json};
 
-use crate::{
+use super::{
     Options,
     methods::{Rendered, twice},
     support::{
@@ -18,71 +11,10 @@ use crate::{
         gpu::Gpu,
         multires::{Masked, read_image},
         near::{Effect, Passes, Stage},
-        raster::Raster,
         scene::SceneBuffers,
     },
     view::Shot,
 };
-
-/// A share of a scene's radius: obscurance is of what is near.
-const SHARE: f32 = 0.25;
-
-/// Volumetric obscurance.
-pub fn obscurance(
-    gpu: &Gpu,
-    options: &Options,
-    scene: &Scene,
-    shot: &Shot,
-    radius: f32,
-) -> Result<Rendered, String> {
-    let camera = shot.camera()?;
-    let buffers = SceneBuffers::new(gpu, scene);
-    let raster = Raster::draw(gpu, &buffers, &camera);
-    let samples = match options.preset.as_str() {
-        "fast" => DiskSamples::Six,
-        "accurate" => DiskSamples::Sixteen,
-        _ => DiskSamples::Nine,
-    };
-    let settings = ObscuranceSettings {
-        // A radius that the command line gives is taken as it is.
-        radius: options.radius.unwrap_or(SHARE * radius),
-        ..ObscuranceSettings::default()
-    };
-    let descriptor = VolumetricObscuranceDescriptor {
-        sampling: ObscuranceSampling::Lines(samples),
-        volume: ObscuranceVolume::Hemisphere,
-        cache: None,
-    };
-    let pass = VolumetricObscurance::new(&gpu.device, &descriptor).map_err(|e| e.to_string())?;
-    let target = target(gpu, shot);
-    let gbuffer = raster.gbuffer();
-    let input = ObscuranceInput {
-        depth: gbuffer.depth,
-        normals: Some(gbuffer.normals()),
-        camera: &camera,
-        moments: None,
-        work: None,
-        target: (&target).into(),
-        timestamps: None,
-    };
-    let render = || -> Result<f64, Error> {
-        let (ms, recorded) =
-            gpu.time(|encoder| pass.record(&gpu.device, encoder, &input, &settings));
-        recorded.map(|()| ms)
-    };
-    let ms = twice(render, |ms| *ms)?;
-    let image: Vec<f32> = gpu.read_texture(&target, 0);
-    Ok(rendered(
-        image.iter().map(|&v| [v; 3]).collect(),
-        &buffers,
-        vec![("volumetric obscurance", ms)],
-        json!({
-            "lines": samples.table().len(),
-            "radius": settings.radius,
-            "max_pixels": settings.max_pixels,
-        }),
-    ))
-}
 
 /// Of what reads the G-buffer alone: there is no cloud.
 fn rendered(
@@ -107,7 +39,16 @@ fn rendered(
     }
 }
 
-/// An effect at full resolution, or with `--multires` by sub-images.
+/// How many samples a pixel an effect takes: of obscurance the preset says it, of the others the paper.
+fn samples(effect: Effect, preset: &str) -> u32 {
+    match (effect, preset) {
+        (Effect::Obscurance, "fast") => 12,
+        (Effect::Obscurance, "balanced") => 33,
+        _ => effect.samples(),
+    }
+}
+
+/// An effect at full resolution, or with `--multires` the same by sub-images.
 pub fn of_pixels(
     gpu: &Gpu,
     options: &Options,
@@ -119,9 +60,9 @@ pub fn of_pixels(
     let camera = shot.camera()?;
     let buffers = SceneBuffers::new(gpu, scene);
     // Where there is no light, one beside the camera.
-    let light = shot.lights().first().copied().unwrap_or_else(|| {
-        let along = DVec3::from(shot.target) - DVec3::from(shot.eye);
-        let up = DVec3::from(shot.up);
+    let light = shot.lights.first().copied().unwrap_or_else(|| {
+        let along = shot.target - shot.eye;
+        let up = shot.up;
         let right = along.cross(up).normalize_or_zero();
         Light::Point {
             position: camera.eye() + 0.12 * along.length() * (right + up),
@@ -132,9 +73,11 @@ pub fn of_pixels(
     let mut stage = Stage::of(gpu, &passes, scene, &buffers, &camera, light).map_err(error)?;
     if let Some(radius) = options.radius {
         stage.reach = radius;
+        stage.obscurance_radius = radius;
     }
     let size = stage.size();
-    let what = (effect, effect.samples());
+    let samples = samples(effect, &options.preset);
+    let what = (effect, samples);
     let full = gpu.storage(effect.format(), size[0], size[1]);
     let of_all = || {
         let (ms, done) =
@@ -143,10 +86,12 @@ pub fn of_pixels(
     };
     let full_ms = twice(of_all, |ms| *ms)?;
     let image = read_image(gpu, full.texture());
-    let samples = effect.samples();
-    let reach = stage.reach;
+    let radius = match effect {
+        Effect::Obscurance => stage.obscurance_radius,
+        _ => stage.reach,
+    };
     if !options.multires {
-        let settings = json!({ "samples": samples, "reach": reach });
+        let settings = json!({ "samples": samples, "radius": radius });
         return Ok(rendered(
             image,
             &buffers,
@@ -179,27 +124,10 @@ pub fn of_pixels(
     );
     let settings = json!({
         "samples": samples,
-        "reach": reach,
+        "radius": radius,
         "computed_share": share,
         "full_ms": full_ms,
         "rmse": off,
     });
     Ok(rendered(pixels, &buffers, times, settings))
-}
-
-fn target(gpu: &Gpu, shot: &Shot) -> wgpu::Texture {
-    gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: None,
-        size: wgpu::Extent3d {
-            width: shot.width,
-            height: shot.height,
-            depth_or_array_layers: 1,
-        },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: TextureFormat::R32Float,
-        usage: TextureUsages::STORAGE_BINDING | TextureUsages::COPY_SRC,
-        view_formats: &[],
-    })
 }

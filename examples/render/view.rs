@@ -13,29 +13,51 @@ use deep_screen_space::{
 };
 use serde::Deserialize;
 
-use crate::{
+use super::{
     Options,
-    support::{gltf::Loaded, raster},
+    support::{
+        arguments::MAX_SIDE,
+        gltf::{FileCamera, Loaded},
+        raster,
+        visible::Sight,
+        world::{World, bounds_of, origin_for},
+    },
 };
 
-/// A camera and the size of its picture.
-#[derive(Clone, Debug, Deserialize)]
+/// The largest coordinate or distance of a camera: squares of it are within f32, as are depths.
+const FARTHEST: f64 = 1e15;
+
+/// The smallest size of a pixel, relative to its distance: that to which f32 rounds a place.
+const SMALLEST_PIXEL: f64 = 1.0 / 8_388_608.0;
+
+/// A camera, the size of its picture and its lights; places are relative to the scene's origin.
+#[derive(Clone, Debug)]
 pub struct Shot {
-    pub eye: DVec3Array,
-    pub target: DVec3Array,
-    #[serde(default = "up")]
-    pub up: DVec3Array,
-    #[serde(rename = "vfov_deg")]
+    pub eye: DVec3,
+    pub target: DVec3,
+    pub up: DVec3,
     pub vertical_fov_degrees: f64,
     pub near: f64,
     pub width: u32,
     pub height: u32,
     /// What lights the scene besides its own emission.
-    #[serde(default)]
-    pub light: Option<Lamp>,
-    /// The glTF file's own lights, in place of `light` where that has none.
-    #[serde(skip)]
-    pub file_lights: Vec<Light>,
+    pub lights: Vec<Light>,
+}
+
+/// What is known of a camera before the scene is looked at, in the world's coordinates.
+#[derive(Clone, Copy, Debug, Deserialize)]
+struct Wanted {
+    eye: DVec3Array,
+    target: DVec3Array,
+    /// If left out, y; for one that looks along it, −z or z.
+    up: Option<DVec3Array>,
+    #[serde(rename = "vfov_deg")]
+    vertical_fov_degrees: f64,
+    /// If left out, before what is seen.
+    near: Option<f64>,
+    width: u32,
+    height: u32,
+    light: Option<Lamp>,
 }
 
 /// A light as the file of cameras has it.
@@ -73,46 +95,138 @@ impl From<Lamp> for Light {
     }
 }
 
-type DVec3Array = [f64; 3];
-
-fn up() -> DVec3Array {
-    [0.0, 1.0, 0.0]
+/// A light with its place relative to a point.
+fn relative_to(mut light: Light, origin: DVec3) -> Result<Light, String> {
+    match &mut light {
+        Light::Directional { .. } => {}
+        Light::Point { position, .. } | Light::Spot { position, .. } => *position -= origin,
+    }
+    light.validate().map_err(|e| e.to_string())?;
+    Ok(light)
 }
+
+type DVec3Array = [f64; 3];
 
 #[derive(Deserialize)]
 struct Named {
     name: String,
     #[serde(flatten)]
-    shot: Shot,
+    wanted: Wanted,
+}
+
+impl Wanted {
+    /// Moves the world to where f32 is precise for this camera, and settles what was left open.
+    fn settle(self, world: World, lights: &[Light]) -> Result<(Scene, Shot), String> {
+        let [eye, target] = [self.eye, self.target].map(DVec3::from);
+        let distance = eye.distance(target);
+        if !(distance > 0.0 && distance <= FARTHEST) {
+            return Err(format!(
+                "the eye at {:?} cannot look at {:?}: their distance is {distance:?}, accepted is above 0, up to {FARTHEST:e}",
+                self.eye, self.target
+            ));
+        }
+        if eye.abs().max_element() > FARTHEST {
+            return Err(format!(
+                "the eye is at {:?}, accepted is up to {FARTHEST:e}",
+                self.eye
+            ));
+        }
+        let degrees = self.vertical_fov_degrees;
+        if !(degrees > 0.0 && degrees < 180.0) {
+            return Err(format!(
+                "the field of view is {degrees:?} degrees, accepted is above 0 and below 180"
+            ));
+        }
+        if 2.0 * (degrees.to_radians() / 2.0).tan() < SMALLEST_PIXEL * f64::from(self.height) {
+            return Err(format!(
+                "the field of view is {degrees:?} degrees: a pixel is smaller than f32 tells apart"
+            ));
+        }
+        if let Some(near) = self.near
+            && !(1.0 / FARTHEST..=FARTHEST).contains(&near)
+        {
+            return Err(format!(
+                "near is {near:?}, accepted is {:?} to {FARTHEST:e}",
+                1.0 / FARTHEST
+            ));
+        }
+        if [self.width, self.height]
+            .iter()
+            .any(|n| !(1..=MAX_SIDE).contains(n))
+        {
+            return Err(format!(
+                "the size is {}x{}, accepted is 1 to {MAX_SIDE} each",
+                self.width, self.height
+            ));
+        }
+        let up = upward((target - eye) / distance, self.up.map(DVec3::from))?;
+        let origin = origin_for(world.bounds(), eye, target);
+        let lights = lights.iter().map(|&light| relative_to(light, origin));
+        let lights = lights.collect::<Result<_, _>>()?;
+        let scene = world.relative_to(origin)?;
+        let mut shot = Shot {
+            eye: eye - origin,
+            target: target - origin,
+            up,
+            vertical_fov_degrees: self.vertical_fov_degrees,
+            near: self.near.unwrap_or(distance),
+            width: self.width,
+            height: self.height,
+            lights,
+        };
+        if self.near.is_none() {
+            shot.near = shot.near_of(&scene)?;
+        }
+        Ok((scene, shot))
+    }
+}
+
+/// The direction that is up in a picture taken along `forward`: as asked for, else y, or what a map has for a view along it.
+fn upward(forward: DVec3, wanted: Option<DVec3>) -> Result<DVec3, String> {
+    let across = |up: DVec3| forward.cross(up.normalize_or_zero()).length() > 1e-9;
+    let usual = [DVec3::Y, DVec3::new(0.0, 0.0, forward.y.signum())];
+    match wanted {
+        Some(up) if across(up) => Ok(up),
+        Some(up) => Err(format!(
+            "up is {up}, which does not cross the line of sight"
+        )),
+        None => Ok(if across(usual[0]) { usual[0] } else { usual[1] }),
+    }
 }
 
 impl Shot {
     pub fn camera(&self) -> Result<Camera, String> {
         let aspect = f64::from(self.width) / f64::from(self.height);
-        if !(self.vertical_fov_degrees > 0.0 && self.vertical_fov_degrees < 180.0) {
-            return Err(format!(
-                "the field of view is {} degrees, accepted is above 0 and below 180",
-                self.vertical_fov_degrees
-            ));
-        }
-        if !(self.near > 0.0 && self.near.is_finite()) {
-            return Err(format!("near is {}, accepted is above 0", self.near));
-        }
         Camera::look_at(
-            self.eye.into(),
-            self.target.into(),
-            self.up.into(),
+            self.eye,
+            self.target,
+            self.up,
             raster::perspective(self.vertical_fov_degrees, aspect, self.near),
             Viewport::full(self.width, self.height),
         )
         .map_err(|e| e.to_string())
     }
 
-    pub fn lights(&self) -> Vec<Light> {
-        match self.light {
-            Some(lamp) => vec![lamp.into()],
-            None => self.file_lights.clone(),
-        }
+    /// A near plane that cuts off nothing of what is seen, however large the rest of the scene. With depth reversed and
+    /// without a far plane, a small one costs no precision; surfels grow no finer than they are at it.
+    fn near_of(&self, scene: &Scene) -> Result<f64, String> {
+        let upward = (self.vertical_fov_degrees.to_radians() / 2.0).tan();
+        let sight = Sight {
+            eye: self.eye,
+            rotation: self.camera()?.rotation(),
+            tangents: [
+                upward * f64::from(self.width) / f64::from(self.height),
+                upward,
+            ],
+        };
+        // A target far beyond the scene is a direction.
+        let (low, high) = bounds_of(scene);
+        let size = self.eye.distance(self.target).min(low.distance(high));
+        let before = sight
+            .least_depth(scene)
+            .map_or(f64::INFINITY, |depth| 0.5 * depth);
+        // What goes through the eye itself has no near plane before it.
+        Ok(before.min(1e-3 * size).max(1e-6 * size))
     }
 
     /// What a ray through each pixel's centre sees.
@@ -154,65 +268,70 @@ impl Shot {
     }
 }
 
-/// Picks the view that the options ask for, relative to what was loaded.
-pub fn choose(options: &Options, loaded: &Loaded) -> Result<Shot, String> {
-    let scene = &loaded.scene;
-    let relative = |place: DVec3Array| (DVec3::from(place) - loaded.origin).to_array();
-    let mut shot = if let Some(file) = &options.cameras {
-        let mut shot = from_file(options, file)?;
-        shot.eye = relative(shot.eye);
-        shot.target = relative(shot.target);
-        if let Some(Lamp::Point { position, .. }) = &mut shot.light {
-            *position = relative(*position);
-        }
-        shot
+/// Picks the view that the options ask for, and the scene as it is seen from there.
+pub fn choose(options: &Options, loaded: Loaded) -> Result<(Scene, Shot), String> {
+    let world = loaded.world;
+    let mut wanted = if let Some(file) = &options.cameras {
+        from_file(options, file)?
     } else if !loaded.cameras.is_empty() && (options.eye.is_none() || options.camera.is_some()) {
-        from_gltf(options, loaded)?
-    } else if options.eye.is_some() || scene.views.is_empty() {
-        around(scene)
+        from_gltf(options, &loaded.cameras)?
+    } else if options.eye.is_some() || world.scene.views.is_empty() {
+        if world.scene.views.is_empty() && options.camera.is_some() {
+            return Err(unknown(options.camera.as_deref(), &[]));
+        }
+        around(&world)
     } else {
-        from_scene(options, scene)?
+        from_scene(options, &world.scene)?
     };
+    let mut lights: Vec<Light> = match wanted.light {
+        Some(lamp) => vec![lamp.into()],
+        None => loaded.lights,
+    };
+    if lights.is_empty() && options.cameras.is_none() {
+        lights.extend(sun_unless_emissive(&world.scene));
+    }
     if let (Some(eye), Some(target)) = (options.eye, options.target) {
-        shot.eye = relative(eye.to_array());
-        shot.target = relative(target.to_array());
+        wanted.eye = eye.to_array();
+        wanted.target = target.to_array();
+        // Those were of another place.
+        (wanted.near, wanted.up) = (None, None);
+    }
+    if let Some(up) = options.up {
+        wanted.up = Some(up.to_array());
+    }
+    if let Some(near) = options.near {
+        wanted.near = Some(near);
     }
     if let Some(vfov) = options.vfov {
-        shot.vertical_fov_degrees = vfov;
+        wanted.vertical_fov_degrees = vfov;
     }
     if let Some([width, height]) = options.size {
-        shot.width = width;
-        shot.height = height;
+        wanted.width = width;
+        wanted.height = height;
     }
-    shot.file_lights.clone_from(&loaded.lights);
-    if shot.light.is_none() && shot.file_lights.is_empty() && options.cameras.is_none() {
-        shot.light = sun_unless_emissive(scene);
-    }
-    Ok(shot)
+    wanted.settle(world, &lights)
 }
 
-fn from_gltf(options: &Options, loaded: &Loaded) -> Result<Shot, String> {
-    let list: Vec<_> = loaded.cameras.iter().map(|c| c.name.as_str()).collect();
+fn from_gltf(options: &Options, cameras: &[FileCamera]) -> Result<Wanted, String> {
+    let list: Vec<_> = cameras.iter().map(|c| c.name.as_str()).collect();
     let wanted = options.camera.as_deref();
-    let camera = loaded
-        .cameras
+    let camera = cameras
         .iter()
         .find(|c| wanted.is_none_or(|w| w == c.name))
         .ok_or_else(|| unknown(wanted, &list))?;
-    Ok(Shot {
+    Ok(Wanted {
         eye: camera.eye.to_array(),
         target: camera.target.to_array(),
-        up: camera.up.to_array(),
+        up: Some(camera.up.to_array()),
         vertical_fov_degrees: camera.vertical_fov_degrees,
-        near: camera.near,
+        near: Some(camera.near),
         width: 768,
         height: 512,
         light: None,
-        file_lights: Vec::new(),
     })
 }
 
-fn from_file(options: &Options, file: &std::path::Path) -> Result<Shot, String> {
+fn from_file(options: &Options, file: &std::path::Path) -> Result<Wanted, String> {
     let name = file.display();
     let text = std::fs::read_to_string(file).map_err(|e| format!("{name}: {e}"))?;
     let scenes: HashMap<String, Vec<Named>> =
@@ -231,11 +350,11 @@ fn from_file(options: &Options, file: &std::path::Path) -> Result<Shot, String> 
     cameras
         .iter()
         .find(|c| wanted.is_none_or(|w| w == c.name))
-        .map(|c| c.shot.clone())
+        .map(|c| c.wanted)
         .ok_or_else(|| unknown(wanted, &list))
 }
 
-fn from_scene(options: &Options, scene: &Scene) -> Result<Shot, String> {
+fn from_scene(options: &Options, scene: &Scene) -> Result<Wanted, String> {
     let list: Vec<_> = scene.views.iter().map(|v| v.name).collect();
     let wanted = options.camera.as_deref();
     let view = scene
@@ -243,59 +362,52 @@ fn from_scene(options: &Options, scene: &Scene) -> Result<Shot, String> {
         .iter()
         .find(|v| wanted.is_none_or(|w| w == v.name))
         .ok_or_else(|| unknown(wanted, &list))?;
-    Ok(Shot {
+    Ok(Wanted {
         eye: view.eye,
         target: view.target,
-        up: view.up,
+        up: Some(view.up),
         vertical_fov_degrees: view.vertical_fov_degrees,
-        near: view.near,
+        near: Some(view.near),
         width: 768,
         height: 512,
         light: None,
-        file_lights: Vec::new(),
     })
 }
 
 /// Late morning, for a scene without a light of its own.
-fn sun_unless_emissive(scene: &Scene) -> Option<Lamp> {
+fn sun_unless_emissive(scene: &Scene) -> Option<Light> {
     let dark = scene
         .materials
         .iter()
         .all(|material| material.emission == [0.0; 3]);
-    dark.then_some(Lamp::Directional {
-        direction: [0.45, -0.8, -0.4],
+    dark.then_some(Light::Directional {
+        direction: DVec3::new(0.45, -0.8, -0.4),
         irradiance: [3.2, 3.1, 2.9],
     })
 }
 
 fn unknown(wanted: Option<&str>, list: &[&str]) -> String {
-    format!(
-        "there is no camera {}, only {}",
-        wanted.unwrap_or("at all"),
-        list.join(", ")
-    )
+    let only = match list {
+        [] => "nor any other".into(),
+        _ => format!("only {}", list.join(", ")),
+    };
+    format!("there is no camera {}, {only}", wanted.unwrap_or("at all"))
 }
 
 /// A view of the whole scene from a corner above it.
-fn around(scene: &Scene) -> Shot {
-    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    for p in &scene.positions {
-        let p = DVec3::from(p.map(f64::from));
-        low = low.min(p);
-        high = high.max(p);
-    }
+fn around(world: &World) -> Wanted {
+    let (low, high) = world.bounds();
     let center = (low + high) / 2.0;
     let size = (high - low).length();
-    Shot {
+    Wanted {
         eye: (center + size * DVec3::new(0.6, 0.4, 0.8)).to_array(),
         target: center.to_array(),
-        up: up(),
+        up: None,
         vertical_fov_degrees: 45.0,
-        near: 1e-3 * size,
+        near: None,
         width: 768,
         height: 512,
         light: None,
-        file_lights: Vec::new(),
     }
 }
 

@@ -1,5 +1,7 @@
 //! A device for examples, tests and benches, and the blocking reads that a library must not do.
 
+use std::sync::Arc;
+
 use deep_screen_space::wgpu::{self, util::DeviceExt};
 
 /// What a device is asked for.
@@ -9,6 +11,8 @@ pub enum Ask {
     Floor,
     /// The floor and those features that passes make use of where they are.
     Useful,
+    /// The floor, but for buffers as large as the adapter offers: for scenes of any size.
+    Room,
     /// Everything that the adapter offers.
     All,
 }
@@ -16,10 +20,23 @@ pub enum Ask {
 impl Ask {
     /// `DSS_LIMITS`: `default` or unset for the floor, `all` for everything.
     pub fn from_env() -> Self {
-        match std::env::var("DSS_LIMITS").as_deref() {
-            Ok("all") => Self::All,
-            Ok("default") | Err(_) => Self::Floor,
-            Ok(other) => panic!("DSS_LIMITS is {other}, accepted is default or all"),
+        Self::from_env_or(Self::Floor).unwrap_or_else(|problem| panic!("{problem}"))
+    }
+
+    /// The same, with room where it is unset.
+    pub fn room_from_env() -> Result<Self, String> {
+        Self::from_env_or(Self::Room)
+    }
+
+    fn from_env_or(unset: Self) -> Result<Self, String> {
+        match std::env::var_os("DSS_LIMITS") {
+            None => Ok(unset),
+            Some(text) if text == "all" => Ok(Self::All),
+            Some(text) if text == "default" => Ok(Self::Floor),
+            Some(other) => Err(format!(
+                "DSS_LIMITS is {}, accepted is default or all",
+                other.display()
+            )),
         }
     }
 }
@@ -53,6 +70,18 @@ impl Gpu {
                         & (wgpu::Features::SUBGROUP | wgpu::Features::TIMESTAMP_QUERY),
                     wgpu::Limits::default(),
                 ),
+                Ask::Room => {
+                    let offered = adapter.limits();
+                    let floor = wgpu::Limits::default();
+                    let limits = wgpu::Limits {
+                        max_buffer_size: offered.max_buffer_size.max(floor.max_buffer_size),
+                        max_storage_buffer_binding_size: offered
+                            .max_storage_buffer_binding_size
+                            .max(floor.max_storage_buffer_binding_size),
+                        ..floor
+                    };
+                    (wgpu::Features::empty(), limits)
+                }
                 // Experimental features need an unsafe token, and none is of use here.
                 Ask::All => (
                     adapter.features() & !wgpu::Features::all_experimental_mask(),
@@ -74,6 +103,18 @@ impl Gpu {
                 adapter: adapter.get_info(),
             })
         })
+    }
+
+    /// From now on a program ends with one line where the device refuses or runs out of something that nothing foresaw,
+    /// such as memory.
+    pub fn end_on_error(&self, program: &'static str) {
+        self.device
+            .on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+                let text = error.to_string();
+                let lines: Vec<&str> = text.split_whitespace().collect();
+                eprintln!("{program}: the device: {}", lines.join(" "));
+                std::process::exit(1);
+            }));
     }
 
     /// Adapter and driver in a line.
@@ -140,6 +181,17 @@ impl Gpu {
 
     /// The texels of one layer of a texture with usage `COPY_SRC`, rows from the top.
     pub fn read_texture<T: bytemuck::Pod>(&self, texture: &wgpu::Texture, layer: u32) -> Vec<T> {
+        let most = self.device.limits().max_buffer_size;
+        self.read_texture_by(texture, layer, most as usize)
+    }
+
+    /// The same through buffers of at most so many bytes, and a row.
+    pub fn read_texture_by<T: bytemuck::Pod>(
+        &self,
+        texture: &wgpu::Texture,
+        layer: u32,
+        bytes: usize,
+    ) -> Vec<T> {
         let size = wgpu::Extent3d {
             depth_or_array_layers: 1,
             ..texture.size()
@@ -147,36 +199,41 @@ impl Gpu {
         let texel = size_of::<T>();
         let row = texel * size.width as usize;
         let padded = row.next_multiple_of(256);
-        let staging = self.staging((padded * size.height as usize) as u64);
-        let mut encoder = self.encoder();
-        encoder.copy_texture_to_buffer(
-            wgpu::TexelCopyTextureInfo {
-                texture,
-                mip_level: 0,
-                origin: wgpu::Origin3d {
-                    x: 0,
-                    y: 0,
-                    z: layer,
+        let band = size.height.min((bytes / padded).max(1) as u32);
+        let mut texels = Vec::with_capacity((size.width * size.height) as usize);
+        for top in (0..size.height).step_by(band as usize) {
+            let height = band.min(size.height - top);
+            let staging = self.staging((padded * height as usize) as u64);
+            let mut encoder = self.encoder();
+            encoder.copy_texture_to_buffer(
+                wgpu::TexelCopyTextureInfo {
+                    texture,
+                    mip_level: 0,
+                    origin: wgpu::Origin3d {
+                        x: 0,
+                        y: top,
+                        z: layer,
+                    },
+                    aspect: wgpu::TextureAspect::All,
                 },
-                aspect: wgpu::TextureAspect::All,
-            },
-            wgpu::TexelCopyBufferInfo {
-                buffer: &staging,
-                layout: wgpu::TexelCopyBufferLayout {
-                    offset: 0,
-                    bytes_per_row: Some(padded as u32),
-                    rows_per_image: None,
+                wgpu::TexelCopyBufferInfo {
+                    buffer: &staging,
+                    layout: wgpu::TexelCopyBufferLayout {
+                        offset: 0,
+                        bytes_per_row: Some(padded as u32),
+                        rows_per_image: None,
+                    },
                 },
-            },
-            size,
-        );
-        self.finish(encoder);
-        self.map(&staging, |bytes| {
-            bytes
-                .chunks_exact(padded)
-                .flat_map(|r| bytemuck::pod_collect_to_vec::<u8, T>(&r[..row]))
-                .collect()
-        })
+                wgpu::Extent3d { height, ..size },
+            );
+            self.finish(encoder);
+            self.map(&staging, |bytes| {
+                for row_of in bytes.chunks_exact(padded) {
+                    texels.extend(bytemuck::pod_collect_to_vec::<u8, T>(&row_of[..row]));
+                }
+            });
+        }
+        texels
     }
 
     /// A texture with contents, of a colour format.

@@ -13,6 +13,7 @@ use super::{
     gpu::Gpu,
     raster::{Raster, perspective},
     scene::SceneBuffers,
+    world::bounds_of,
 };
 
 /// The pipelines and one view.
@@ -38,17 +39,17 @@ pub struct Lamp {
 
 impl Lamp {
     /// What lights a scene of the crate's: a lamp below the ceiling of a room, the sun elsewhere.
-    pub fn of(scene: &Scene) -> Self {
+    pub fn of(scene: &Scene) -> Result<Self, Error> {
         match scene.name {
             "cornell" => Self::spot(
-                DVec3::new(0.0, 5.3, 0.0),
-                DVec3::new(0.3, 0.0, -0.2),
+                [DVec3::new(0.0, 5.3, 0.0), DVec3::new(0.3, 0.0, -0.2)],
+                1e-2,
                 120.0,
                 [17.0, 15.0, 12.0],
             ),
             "closed_room" => Self::spot(
-                DVec3::new(-2.0, 2.2, 1.5),
-                DVec3::new(2.0, 0.5, -1.5),
+                [DVec3::new(-2.0, 2.2, 1.5), DVec3::new(2.0, 0.5, -1.5)],
+                1e-2,
                 100.0,
                 [17.0, 15.0, 12.0],
             ),
@@ -56,12 +57,17 @@ impl Lamp {
         }
     }
 
-    /// A spot light.
-    pub fn spot(position: DVec3, target: DVec3, degrees: f64, intensity: [f32; 3]) -> Self {
+    /// A spot light, and the distance of the near plane of its map.
+    pub fn spot(
+        [position, target]: [DVec3; 2],
+        near: f64,
+        degrees: f64,
+        intensity: [f32; 3],
+    ) -> Result<Self, Error> {
         let direction = target - position;
         let up = direction.any_orthogonal_vector();
         let outer = (degrees.to_radians() / 2.0) as f32;
-        Self {
+        Ok(Self {
             light: Light::Spot {
                 position,
                 direction,
@@ -73,21 +79,15 @@ impl Lamp {
                 position,
                 target,
                 up,
-                perspective(degrees, 1.0, 1e-2),
+                perspective(degrees, 1.0, near),
                 Viewport::full(MAP, MAP),
-            )
-            .expect("a camera"),
-        }
+            )?,
+        })
     }
 
     /// A directional light over a whole scene.
-    pub fn sun(scene: &Scene, direction: DVec3, irradiance: [f32; 3]) -> Self {
-        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for p in &scene.positions {
-            let p = DVec3::from(p.map(f64::from));
-            low = low.min(p);
-            high = high.max(p);
-        }
+    pub fn sun(scene: &Scene, direction: DVec3, irradiance: [f32; 3]) -> Result<Self, Error> {
+        let (low, high) = bounds_of(scene);
         let direction = direction.normalize();
         let radius = 0.5 * (high - low).length();
         // Depth 1 at the near plane and 0 at the far one.
@@ -111,7 +111,7 @@ impl Lamp {
             far * scale,
             1.0,
         ]);
-        Self {
+        Ok(Self {
             light: Light::Directional {
                 direction,
                 irradiance,
@@ -122,9 +122,8 @@ impl Lamp {
                 direction.any_orthogonal_vector(),
                 projection,
                 Viewport::full(MAP, MAP),
-            )
-            .expect("a camera"),
-        }
+            )?,
+        })
     }
 }
 

@@ -18,3 +18,5 @@ pub mod raster;
 pub mod scene;
 pub mod shadow;
 pub mod temporal;
+pub mod visible;
+pub mod world;

@@ -16,6 +16,8 @@ use super::{
     raster::{self, Raster},
     scene::SceneBuffers,
     shadow,
+    visible::near_of,
+    world::bounds_of,
 };
 
 /// What is computed.
@@ -127,8 +129,10 @@ pub struct Stage<'g> {
     cameras: Vec<Camera>,
     map: wgpu::Texture,
     pub lit: TextureView,
-    /// How far the effects reach, world units.
+    /// How far shadows and indirect light reach, world units.
     pub reach: f32,
+    /// How far obscurance does: it is of what is near.
+    pub obscurance_radius: f32,
 }
 
 impl<'g> Stage<'g> {
@@ -173,15 +177,21 @@ impl<'g> Stage<'g> {
         light: Light,
     ) -> Result<Self, Error> {
         let Viewport { width, height, .. } = camera.viewport();
-        let (low, high) = bounds(scene);
+        let (low, high) = bounds_of(scene);
         let radius = 0.5 * (high - low).length();
         let cameras = match light {
             Light::Point { position, .. } | Light::Spot { position, .. } => {
-                cube(position, 1e-4 * radius)?
+                cube(position, near_of(scene, position, 1e-4 * radius))?
             }
             Light::Directional { direction, .. } => vec![sun(low, high, direction)?],
         };
         let map = shadow::draw(gpu, buffers, &cameras, MAP, TextureFormat::Depth32Float);
+        // A file says nothing of what suits it.
+        let reach = if scene.ao_radius.is_finite() {
+            scene.ao_radius
+        } else {
+            0.1 * radius as f32
+        };
         let mut stage = Self {
             gpu,
             drawn: Raster::draw(gpu, buffers, camera),
@@ -190,12 +200,8 @@ impl<'g> Stage<'g> {
             cameras,
             map,
             lit: gpu.storage(TextureFormat::Rgba16Float, width, height),
-            // A file says nothing of what suits it.
-            reach: if scene.ao_radius.is_finite() {
-                scene.ao_radius
-            } else {
-                0.1 * radius as f32
-            },
+            reach,
+            obscurance_radius: 0.25 * reach,
         };
         stage.illuminate(passes)?;
         Ok(stage)
@@ -318,15 +324,6 @@ fn cube(eye: DVec3, near: f64) -> Result<Vec<Camera>, Error> {
         .collect()
 }
 
-/// The corners of a scene's box.
-fn bounds(scene: &Scene) -> (DVec3, DVec3) {
-    let points = scene.positions.iter();
-    points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| {
-        let p = DVec3::from(p.map(f64::from));
-        (low.min(p), high.max(p))
-    })
-}
-
 /// One face over a whole box, along the sun's rays.
 fn sun(low: DVec3, high: DVec3, direction: DVec3) -> Result<Camera, Error> {
     let direction = direction.normalize();
@@ -402,7 +399,7 @@ impl Passes {
                     timestamps: None,
                 };
                 let settings = ObscuranceSettings {
-                    radius: 0.25 * stage.reach,
+                    radius: stage.obscurance_radius,
                     turn: false,
                     ..Default::default()
                 };

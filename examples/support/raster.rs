@@ -2,14 +2,15 @@
 
 use deep_screen_space::{
     Camera, GBuffer, NormalEncoding, NormalSpace,
-    glam::{DMat4, DVec3, Mat4},
+    glam::{DMat4, Mat4},
     wgpu,
 };
 
 use super::{gpu::Gpu, scene::SceneBuffers};
 
 const SHADER: &str = r"
-struct View { clip_from_relative: mat4x4f, eye: vec4f }
+// The eye is two floats a coordinate, high + low.
+struct View { clip_from_relative: mat4x4f, eye_high: vec4f, eye_low: vec4f }
 struct Material { albedo: vec3f, emission: vec3f }
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> materials: array<Material>;
@@ -34,7 +35,7 @@ fn vertex(
   @location(1) normal: vec3f,
   @builtin(instance_index) material: u32,
 ) -> Vertex {
-  let relative = position - view.eye.xyz;
+  let relative = (position - view.eye_high.xyz) - view.eye_low.xyz;
   return Vertex(view.clip_from_relative * vec4f(relative, 1.0), relative, normal, material);
 }
 
@@ -70,6 +71,18 @@ pub fn perspective(vertical_fov_degrees: f64, aspect: f64, near: f64) -> DMat4 {
         near,
         0.0,
     ])
+}
+
+/// What a vertex shader needs of a camera: the matrix from its eye space to clip space, and its eye in two floats a
+/// coordinate. Rounded to one, the eye would be off by what a vertex far from the origin is off by, and differently.
+pub fn view_uniform(camera: &Camera) -> Vec<f32> {
+    let clip: Mat4 = (camera.projection() * DMat4::from_mat3(camera.rotation())).as_mat4();
+    let high = camera.eye().as_vec3();
+    let low = (camera.eye() - high.as_dvec3()).as_vec3();
+    let mut uniform = clip.to_cols_array().to_vec();
+    uniform.extend(high.extend(0.0).to_array());
+    uniform.extend(low.extend(0.0).to_array());
+    uniform
 }
 
 /// Linear and exact: what is reflected is to be compared with references.
@@ -173,11 +186,7 @@ impl Raster {
             cache: None,
         });
 
-        let eye: DVec3 = camera.eye();
-        let clip: Mat4 = (camera.projection() * DMat4::from_mat3(camera.rotation())).as_mat4();
-        let mut uniform = clip.to_cols_array().to_vec();
-        uniform.extend(eye.as_vec3().extend(0.0).to_array());
-        let uniform = gpu.buffer(&uniform, wgpu::BufferUsages::UNIFORM);
+        let uniform = gpu.buffer(&view_uniform(camera), wgpu::BufferUsages::UNIFORM);
         let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,
             layout: &layout,
@@ -218,12 +227,14 @@ impl Raster {
         });
         pass.set_pipeline(&pipeline);
         pass.set_bind_group(0, &group, &[]);
-        pass.set_vertex_buffer(0, scene.positions.slice(..));
-        pass.set_vertex_buffer(1, scene.normals.slice(..));
-        pass.set_index_buffer(scene.indices.slice(..), wgpu::IndexFormat::Uint32);
-        for part in &scene.parts {
-            let end = part.first_index + part.index_count;
-            pass.draw_indexed(part.first_index..end, 0, part.material..part.material + 1);
+        for run in &scene.runs {
+            pass.set_vertex_buffer(0, run.positions.slice(..));
+            pass.set_vertex_buffer(1, run.normals.slice(..));
+            pass.set_index_buffer(run.indices.slice(..), wgpu::IndexFormat::Uint32);
+            for part in &run.parts {
+                let end = part.first_index + part.index_count;
+                pass.draw_indexed(part.first_index..end, 0, part.material..part.material + 1);
+            }
         }
         drop(pass);
         gpu.finish(encoder);

@@ -1,19 +1,15 @@
 //! Shadow maps, as an engine would draw them: a layer a camera, both sides of all triangles, no bias.
 
-use deep_screen_space::{
-    Camera,
-    glam::{DMat4, Mat4},
-    wgpu,
-};
+use deep_screen_space::{Camera, wgpu};
 
-use super::{gpu::Gpu, scene::SceneBuffers};
+use super::{gpu::Gpu, raster::view_uniform, scene::SceneBuffers};
 
 const DEPTH_SHADER: &str = "
-struct View { clip: mat4x4f, eye: vec4f }
+struct View { clip: mat4x4f, eye_high: vec4f, eye_low: vec4f }
 @group(0) @binding(0) var<uniform> view: View;
 @vertex
 fn vertex(@location(0) position: vec3f) -> @builtin(position) vec4f {
-  return view.clip * vec4f(position - view.eye.xyz, 1.0);
+  return view.clip * vec4f((position - view.eye_high.xyz) - view.eye_low.xyz, 1.0);
 }
 ";
 
@@ -101,10 +97,7 @@ pub fn draw(
             multiview_mask: None,
             cache: None,
         });
-        let clip: Mat4 = (camera.projection() * DMat4::from_mat3(camera.rotation())).as_mat4();
-        let mut uniform = clip.to_cols_array().to_vec();
-        uniform.extend(camera.eye().as_vec3().extend(0.0).to_array());
-        let uniform = gpu.buffer(&uniform, wgpu::BufferUsages::UNIFORM);
+        let uniform = gpu.buffer(&view_uniform(camera), wgpu::BufferUsages::UNIFORM);
         let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,
             layout: &layout,
@@ -137,9 +130,11 @@ pub fn draw(
         pass.set_viewport(x, y, width, height, 0.0, 1.0);
         pass.set_pipeline(&pipeline);
         pass.set_bind_group(0, &group, &[]);
-        pass.set_vertex_buffer(0, buffers.positions.slice(..));
-        pass.set_index_buffer(buffers.indices.slice(..), wgpu::IndexFormat::Uint32);
-        pass.draw_indexed(0..buffers.index_count, 0, 0..1);
+        for run in &buffers.runs {
+            pass.set_vertex_buffer(0, run.positions.slice(..));
+            pass.set_index_buffer(run.indices.slice(..), wgpu::IndexFormat::Uint32);
+            pass.draw_indexed(0..run.index_count, 0, 0..1);
+        }
     }
     gpu.finish(encoder);
     texture

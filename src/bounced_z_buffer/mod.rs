@@ -27,7 +27,7 @@ use crate::{
         binding::{self, FLOAT_2D, READ, UINT_2D, UNIFORM, WRITE, whole},
         check_timestamps, compute_pass, shader, storage, uniform,
     },
-    receivers::{Receivers, ReceiversPass, plane},
+    receivers::{Receivers, ReceiversPass, check_view_size, plane},
     recorded::Last,
     shaders::{Listing, name_of},
     surfel::SurfelCloud,
@@ -180,6 +180,7 @@ impl BouncedZBuffer {
             "0 to 64",
         )?;
         let size = [width, height];
+        check_view_size(device, "deep-screen-space hits", size)?;
         let usage = BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
         let hits = match self.descriptor.payload {
             Payload::Occlusion => Hits::Bits(storage(

@@ -8,12 +8,13 @@ use wgpu::{
 
 use crate::{
     camera::{Camera, CameraParams},
-    error::{Error, check_setting},
+    error::Error,
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_2D, UNIFORM, WRITE, view, whole},
         compute_pass, shader, storage, uniform,
     },
+    receivers::check_view_size,
     recorded::Last,
     shaders::Listing,
     work::level_size,
@@ -41,12 +42,7 @@ pub struct DepthMoments {
 
 impl DepthMoments {
     pub(crate) fn new(device: &Device, size: [u32; 2]) -> Result<Self, Error> {
-        check_setting(
-            size[0] > 0 && size[1] > 0,
-            "view size",
-            size[0].min(size[1]),
-            "at least 1x1 pixels",
-        )?;
+        check_view_size(device, LABEL, size)?;
         let texels = (1..=LEVELS)
             .map(|level| level_size(size, level).map(u64::from))
             .map(|[width, height]| width * height)

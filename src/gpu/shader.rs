@@ -25,6 +25,7 @@ const COMMON: &[Module<'static>] = common![
     surface,
     dispatch,
     moments,
+    albedo,
     receiver,
     surfel,
     triangle,

@@ -8,12 +8,12 @@ use super::{
     stencil::{self, STENCIL},
 };
 use crate::{
-    error::{Error, check_limit, check_setting},
+    error::Error,
     gpu::{
         scan::{Scan, ScanBuffer},
         storage,
     },
-    receivers::plane_bytes,
+    receivers::{check_view_size, plane_bytes},
     work::{LEVELS, WorkList, level_size, list_bytes},
 };
 
@@ -55,20 +55,8 @@ impl MultiResView {
         size: [u32; 2],
         stencils: bool,
     ) -> Result<Self, Error> {
-        let [width, height] = size;
-        check_setting(
-            width > 0 && height > 0,
-            "view size",
-            width.min(height),
-            "at least 1x1 pixels",
-        )?;
         // Smaller ones are within it, and so do a pixel's 16 bits hold it.
-        check_limit(
-            "max_texture_dimension_2d",
-            u64::from(device.limits().max_texture_dimension_2d),
-            u64::from(width.max(height)),
-            "deep-screen-space multi-resolution mask",
-        )?;
+        check_view_size(device, "deep-screen-space multi-resolution mask", size)?;
         let levels = (0..LEVELS)
             .map(|level| {
                 Ok(LevelBuffers {

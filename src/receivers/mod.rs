@@ -9,7 +9,7 @@ use wgpu::{
 
 use crate::{
     camera::{Camera, CameraParams},
-    error::{Error, check_limit},
+    error::{Error, check_limit, check_setting},
     gbuffer::GBuffer,
     gpu::{
         Kernel,
@@ -55,6 +55,26 @@ pub(crate) fn plane(
     plane_for(device, label, format, size, layers, TextureUsages::empty())
 }
 
+/// Checks a view's size against the device's, before anything is made of its pixels' number.
+pub(crate) fn check_view_size(
+    device: &Device,
+    label: &'static str,
+    [width, height]: [u32; 2],
+) -> Result<(), Error> {
+    check_limit(
+        "max_texture_dimension_2d",
+        u64::from(device.limits().max_texture_dimension_2d),
+        u64::from(width.max(height)),
+        label,
+    )?;
+    check_setting(
+        width > 0 && height > 0,
+        "view size",
+        width.min(height),
+        "at least 1x1 pixels",
+    )
+}
+
 /// One with usages besides.
 pub(crate) fn plane_for(
     device: &Device,
@@ -64,19 +84,7 @@ pub(crate) fn plane_for(
     layers: u32,
     besides: TextureUsages,
 ) -> Result<wgpu::Texture, Error> {
-    let limits = device.limits();
-    check_limit(
-        "max_texture_dimension_2d",
-        u64::from(limits.max_texture_dimension_2d),
-        u64::from(width.max(height)),
-        label,
-    )?;
-    crate::error::check_setting(
-        width > 0 && height > 0,
-        "view size",
-        width.min(height),
-        "at least 1x1 pixels",
-    )?;
+    check_view_size(device, label, [width, height])?;
     Ok(device.create_texture(&wgpu::TextureDescriptor {
         label: Some(label),
         size: wgpu::Extent3d {

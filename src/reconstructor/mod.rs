@@ -21,7 +21,7 @@ use crate::{
         screen::{self, Screen},
         shader, uniform,
     },
-    receivers::{plane, plane_bytes},
+    receivers::{check_view_size, plane, plane_bytes},
     shaders::Listing,
     shell_splatter::SplatView,
     surfel::SurfelCloud,
@@ -199,6 +199,7 @@ impl Reconstructor {
         )?;
         let size = [width, height];
         let format = self.effect.sum_format();
+        check_view_size(device, LABEL, size)?;
         let layers = |label, layers| -> Result<TextureView, Error> {
             let texture = plane(device, label, format, size, layers)?;
             Ok(texture.create_view(&wgpu::TextureViewDescriptor {
@@ -349,14 +350,15 @@ impl Reconstructor {
         }
         let splatted = sums.recorded.get("SplatView")?;
         input.cloud.check_source("SplatView", &splatted.of)?;
-        if (splatted.levels, splatted.sub_image) != (input.levels, input.sub_image) {
+        let sub_image = input.sub_image.unwrap_or(0);
+        if (splatted.levels, splatted.sub_image) != (input.levels, sub_image) {
             return Err(Error::Mismatch {
                 name: "SplatView",
                 found: format!(
-                    "{} splatted levels, sub-image {:?}",
+                    "{} splatted levels, sub-image {}",
                     splatted.levels, splatted.sub_image
                 ),
-                needed: format!("{} levels, sub-image {:?}", input.levels, input.sub_image),
+                needed: format!("{} levels, sub-image {sub_image}", input.levels),
             });
         }
         if scratch.size != size

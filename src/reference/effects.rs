@@ -31,6 +31,11 @@ pub trait Effect: Sync {
         to_sender: DVec3,
         distance2: f64,
     ) -> Self::Sum;
+
+    /// What a pixel's own surface adds, for effects that leave out what is below it.
+    fn own_surface(&self, _cosine: f64) -> Option<Self::Sum> {
+        None
+    }
 }
 
 impl Effect for crate::AmbientOcclusion {
@@ -57,6 +62,13 @@ impl Effect for crate::AmbientOcclusion {
         let ratio = distance2 / sender.radius.max(1e-18);
         receiver_side * sender_side
             / (distance2.max(1e-30) * (1.0 + ratio / sender.radius.max(1e-18)))
+    }
+
+    fn own_surface(&self, cosine: f64) -> Option<f64> {
+        self.own_surface.then(|| match self.overlap {
+            crate::Overlap::Add => 0.5 - 0.5 * cosine,
+            crate::Overlap::Independent => -(0.5 + 0.5 * cosine).ln(),
+        })
     }
 }
 

@@ -33,6 +33,18 @@ fn normalize_or(v: DVec3, fallback: DVec3) -> DVec3 {
     (v / scale).normalize()
 }
 
+/// The albedo that a texel holds (`wgsl/common/albedo.wgsl`): what is not finite counts as black, the rest is 0…1.
+pub fn decode_albedo(texel: DVec3) -> DVec3 {
+    let decode = |v: f64| {
+        if v.is_finite() {
+            v.clamp(0.0, 1.0)
+        } else {
+            0.0
+        }
+    };
+    DVec3::new(decode(texel.x), decode(texel.y), decode(texel.z))
+}
+
 impl Decoder<'_> {
     /// The point that a depth stands for, relative to the camera's eye.
     pub fn unproject(&self, pixel: [u32; 2], depth: f64) -> Option<DVec3> {

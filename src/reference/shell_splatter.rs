@@ -1,7 +1,7 @@
 //! Mirror of `wgsl/shell_splatter.wgsl` and `wgsl/common/levels.wgsl`: the same sums, without tiles and clusters, which
 //! leave out only what contributes nothing.
 
-use glam::DVec3;
+use glam::{DVec3, IVec2};
 use rayon::prelude::*;
 
 use super::{
@@ -116,6 +116,82 @@ fn shell<E: Effect>(effect: &E, sender: &Sender, level: u32, settings: &SplatSet
     [inner, outer.min(f64::from(settings.radius).min(unbounded))]
 }
 
+/// The unit vector to a pixel's neighbour, and how much the line of the two is bent at it: 0 on a plane, up to 2.
+#[derive(Clone, Copy)]
+struct Side {
+    direction: DVec3,
+    bend: f64,
+}
+
+/// The pixels around one, for the normal of its surface.
+struct Around<'a> {
+    receivers: &'a [Option<Receiver>],
+    size: IVec2,
+}
+
+impl Around<'_> {
+    fn position(&self, at: IVec2) -> Option<DVec3> {
+        let inside = at.cmpge(IVec2::ZERO).all() && at.cmplt(self.size).all();
+        let i = (at.y * self.size.x + at.x) as usize;
+        Some(self.receivers.get(i).filter(|_| inside)?.as_ref()?.position)
+    }
+
+    fn side(&self, at: IVec2, step: IVec2, position: DVec3) -> Side {
+        let Some(near) = self.position(at + step) else {
+            return Side {
+                direction: DVec3::ZERO,
+                bend: 4.0,
+            };
+        };
+        let direction = (near - position).normalize_or_zero();
+        let bend = self.position(at + 2 * step).map_or(2.0, |far| {
+            1.0 - direction.dot((far - near).normalize_or_zero())
+        });
+        Side { direction, bend }
+    }
+
+    /// Along a row or a column of the image within the surface that a pixel shows.
+    fn along(&self, at: IVec2, step: IVec2, position: DVec3) -> DVec3 {
+        let before = self.side(at, -step, position);
+        let after = self.side(at, step, position);
+        if before.bend < after.bend {
+            -before.direction
+        } else {
+            after.direction
+        }
+    }
+
+    /// The normal of the surface at a pixel, on the side of its shading normal.
+    fn surface_normal(&self, at: IVec2, receiver: &Receiver) -> DVec3 {
+        let [row, column] =
+            [IVec2::X, IVec2::Y].map(|step| self.along(at, step, receiver.position));
+        let found = row.cross(column).normalize_or(receiver.normal);
+        if found.dot(receiver.normal) >= 0.0 {
+            found
+        } else {
+            -found
+        }
+    }
+}
+
+/// The normal of the surface that each pixel shows, from the positions around it.
+pub fn surface_normals(
+    receivers: &[Option<Receiver>],
+    [width, height]: [u32; 2],
+) -> Vec<Option<DVec3>> {
+    let around = Around {
+        receivers,
+        size: IVec2::new(width as i32, height as i32),
+    };
+    (0..)
+        .zip(receivers)
+        .map(|(i, receiver)| {
+            let at = IVec2::new(i % around.size.x, i / around.size.x);
+            Some(around.surface_normal(at, receiver.as_ref()?))
+        })
+        .collect()
+}
+
 /// The sums of one level, rows from the top. `margin` is relative: a pair within that share of a shell's radius counts
 /// as one that rounding may move.
 pub fn splat<E: Effect>(
@@ -134,6 +210,10 @@ pub fn splat<E: Effect>(
         .map(|disk| shell(effect, &disk.sender, level, settings))
         .collect();
     let share = f64::from(sub_buffers);
+    // Where the effect has a surface of a pixel's own.
+    let surfaces = effect
+        .own_surface(1.0)
+        .map(|_| surface_normals(receivers, [width, height]));
     let blocks = sub_size[0] * sub_size[1];
     let dealt: Vec<(usize, LevelSum<E::Sum>)> = (0..blocks * sub_buffers)
         .into_par_iter()
@@ -147,13 +227,19 @@ pub fn splat<E: Effect>(
             let at = (y * width + x) as usize;
             let mut sum = LevelSum::default();
             if let Some(receiver) = &receivers[at] {
+                let surface = surfaces.as_ref().and_then(|all| all[at]);
                 // The surfels are dealt to the sub-buffers in turn.
                 for k in (sub_buffer as usize..disks.len()).step_by(sub_buffers as usize) {
-                    add_pair(effect, &disks[k], shells[k], receiver, margin, &mut sum);
+                    let pixel = (receiver, surface);
+                    add_pair(effect, &disks[k], shells[k], pixel, margin, &mut sum);
+                }
+                sum.value = sum.value * share;
+                sum.at_a_bound = sum.at_a_bound * share;
+                let cosine = surface.map_or(1.0, |surface| surface.dot(receiver.normal).min(1.0));
+                if let Some(own) = effect.own_surface(cosine).filter(|_| level == 0) {
+                    sum.value += own;
                 }
             }
-            sum.value = sum.value * share;
-            sum.at_a_bound = sum.at_a_bound * share;
             Some((at, sum))
         })
         .collect();
@@ -168,7 +254,7 @@ fn add_pair<E: Effect>(
     effect: &E,
     disk: &Disk,
     [inner, outer]: [f64; 2],
-    receiver: &Receiver,
+    (receiver, surface): (&Receiver, Option<DVec3>),
     margin: f64,
     sum: &mut LevelSum<E::Sum>,
 ) {
@@ -178,8 +264,11 @@ fn add_pair<E: Effect>(
     let to_sender = disk.position - receiver.position;
     let distance2 = to_sender.length_squared();
     let near = |bound: f64| (distance2 - bound * bound).abs() <= 2.0 * margin * bound * bound;
-    let inside = distance2 >= inner * inner && distance2 < outer * outer;
-    let uncertain = margin > 0.0 && (near(inner) || near(outer));
+    let above = surface.map_or(1.0, |surface| surface.dot(to_sender));
+    let inside = distance2 >= inner * inner && distance2 < outer * outer && above > 0.0;
+    // A surface's normal is of positions a pixel apart, and as much rounder.
+    let grazing = surface.is_some() && above.abs() <= 50.0 * margin * distance2.sqrt();
+    let uncertain = margin > 0.0 && (near(inner) || near(outer) || grazing);
     if inside || uncertain {
         let value = effect.contribution(&disk.sender, receiver.normal, to_sender, distance2);
         if inside {

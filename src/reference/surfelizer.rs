@@ -1,8 +1,8 @@
 //! Mirror of `wgsl/surfelizer.wgsl`: lengths in f64, hashes and counts in the shader's own integers.
 //!
-//! The shader walks each triangle twice, to count its pieces and to write them; here they go to a list that grows. What
-//! the shader leaves to f32 rounding may fall the other way here: the longest of two nearly equal edges, whether to
-//! split, and how often to bisect.
+//! The shader walks each triangle twice and more, to count its pieces and to write them; here they go to a list that
+//! grows. What the shader leaves to f32 rounding may fall the other way here: the longest of two nearly equal edges,
+//! whether to split, and how often to bisect.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 
@@ -19,10 +19,15 @@ use crate::{
 };
 
 const PIECE_EXTENT: f64 = 0.5;
-const MAX_ORDER: u32 = 16;
+const RAY_PIECE_EXTENT: f64 = 16.0;
+const CULLED_ORDER: f64 = 16.0;
+const MAX_ORDER: u32 = 24;
+const MAX_GRID_LEVEL: u32 = 4000;
 const MAX_DEPTH: u32 = 60;
-const MAX_NODES: u32 = 8192;
-const MAX_CLAMPED_ORDER: u32 = 20;
+const MAX_ROUNDS: u32 = 48_000;
+const MAX_SEARCH_ROUNDS: u32 = 28_000;
+const ANCHOR_STEP: u32 = 4;
+const WHOLE: u32 = 31;
 const SHAPE_ORDER: u32 = 0xfff;
 const SHAPE_SMALL: u32 = 0x1000;
 const SHAPE_PATH_SHIFT: u32 = 13;
@@ -144,8 +149,24 @@ pub fn bisect(t: Triangle, side: u32) -> Triangle {
     }
 }
 
+/// How much of a triangle has surfels whose reach any view can see.
+#[derive(Clone, Copy, PartialEq)]
+enum Seen {
+    WithinReach,
+    Partly,
+    OutOfReach,
+}
+
+/// How far a point is within a view's planes; negative outside.
+fn in_view(planes: &[DVec4; 6], p: DVec3) -> f64 {
+    planes
+        .iter()
+        .map(|plane| plane.dot(p.extend(1.0)))
+        .fold(f64::INFINITY, f64::min)
+}
+
 /// What the walk does with a triangle.
-#[derive(PartialEq)]
+#[derive(Clone, Copy, PartialEq)]
 enum Verdict {
     Cull,
     Split,
@@ -161,6 +182,7 @@ struct Params {
     density: f64,
     reach: Reach,
     placement: Placement,
+    capacity: CloudCapacity,
 }
 
 impl Params {
@@ -189,9 +211,9 @@ impl Params {
         }
     }
 
-    fn out_of_reach(&self, t: Triangle) -> bool {
+    fn seen_by_views(&self, t: Triangle) -> Seen {
         if self.views.is_empty() {
-            return false;
+            return Seen::WithinReach;
         }
         let center = centroid(t);
         let extent = [t.a, t.b, t.c]
@@ -205,29 +227,51 @@ impl Params {
                 1.0
             };
         let radius = 1.25 * self.radius_pixels * farthest * (1.0 / self.density.sqrt()).max(1.0);
-        let reach =
-            extent + (f64::from(self.reach.radii) * radius).min(f64::from(self.reach.world));
-        self.views.iter().all(|planes| {
-            planes
-                .iter()
-                .any(|plane| plane.truncate().dot(center) + plane.w < -reach)
-        })
+        let reach = (f64::from(self.reach.radii) * radius).min(f64::from(self.reach.world));
+        let inside = self
+            .views
+            .iter()
+            .map(|planes| in_view(planes, center))
+            .fold(f64::NEG_INFINITY, f64::max);
+        if inside < -reach - extent {
+            return Seen::OutOfReach;
+        }
+        if inside < extent - reach && extent > reach {
+            Seen::Partly
+        } else {
+            Seen::WithinReach
+        }
     }
 
-    fn classify(&self, t: Triangle) -> Verdict {
-        if self.out_of_reach(t) {
+    fn classify(&self, t: Triangle, coarseness: u32) -> Verdict {
+        let seen = self.seen_by_views(t);
+        if seen == Seen::OutOfReach {
             return Verdict::Cull;
         }
+        if coarseness == WHOLE {
+            return Verdict::Take;
+        }
         if self.footprint.perspective {
+            let center = centroid(t);
             let edge =
                 t.a.distance(t.b)
                     .max(t.b.distance(t.c))
                     .max(t.c.distance(t.a));
-            if edge > PIECE_EXTENT * centroid(t).length().max(self.footprint.near) {
+            let mut extent = PIECE_EXTENT * center.length().max(self.footprint.near);
+            if self.capacity.surfels == 0 {
+                let normal = area_vector(t).direction.normalize_or_zero();
+                let nearest = normal
+                    .dot(center)
+                    .abs()
+                    .max(center.length() - edge * 2.0 / 3.0);
+                extent = RAY_PIECE_EXTENT * nearest.max(self.footprint.near);
+            }
+            if edge > extent * f64::from(1_u32 << coarseness) {
                 return Verdict::Split;
             }
         }
-        if self.relative_area(t).log2() > f64::from(MAX_ORDER) {
+        let large = self.relative_area(t).log2() > CULLED_ORDER + 2.0 * f64::from(coarseness);
+        if seen == Seen::Partly && large && self.capacity.surfels != 0 {
             Verdict::Split
         } else {
             Verdict::Take
@@ -267,35 +311,67 @@ impl Params {
         }
     }
 
-    fn walk(&self, root: Triangle, triangle: u32, mut take: impl FnMut(Triangle, u32)) {
+    fn walk(&self, root: Triangle, triangle: u32, quota: Option<u32>) -> Vec<(Triangle, u32)> {
         let mut path = Path::default();
         let mut node = root;
-        let mut visited = 0;
-        loop {
-            visited += 1;
-            let verdict = self.classify(node);
-            if verdict == Verdict::Split && path.depth < MAX_DEPTH && visited < MAX_NODES {
-                path.set(path.depth, 0);
-                path.depth += 1;
+        let mut depth = 0;
+        let mut anchor = root;
+        let mut anchor_depth = 0;
+        let mut coarseness = u32::from(quota.is_some());
+        let mut cut = Vec::new();
+        for round in 0.. {
+            if depth < path.depth {
+                if depth.is_multiple_of(ANCHOR_STEP) && path.depth - depth >= ANCHOR_STEP {
+                    anchor = node;
+                    anchor_depth = depth;
+                }
+                node = bisect(node, path.side(depth));
+                depth += 1;
+                continue;
+            }
+            let verdict = self.classify(node, coarseness);
+            if verdict == Verdict::Split
+                && path.depth < MAX_DEPTH
+                && (round < MAX_ROUNDS || quota.is_some())
+            {
+                path = path.into_half(0);
                 node = bisect(node, 0);
+                depth += 1;
                 continue;
             }
             if verdict != Verdict::Cull
                 && let Some(shape) = self.piece_shape(node, triangle, path.hash())
             {
-                take(self.stand_in(node, shape), shape);
+                cut.push((self.stand_in(node, shape), shape));
             }
-            while path.depth > 0 && path.side(path.depth - 1) == 1 {
-                path.depth -= 1;
-                path.set(path.depth, 0);
-            }
-            if path.depth == 0 {
+            path = path.to_next();
+            let late = round >= MAX_SEARCH_ROUNDS && coarseness != WHOLE;
+            let over = |quota: u32| late || (path.depth == 0 && cut.len() > quota as usize);
+            if quota.is_some_and(over) {
+                coarseness = if late { WHOLE } else { coarseness + 1 };
+                cut.clear();
+                path = Path::default();
+            } else if path.depth == 0 {
                 break;
             }
-            path.set(path.depth - 1, 1);
-            // The shader goes down from an anchor on the way, to the same node.
-            node = (0..path.depth).fold(root, |node, depth| bisect(node, path.side(depth)));
+            if anchor_depth >= path.depth {
+                anchor = root;
+                anchor_depth = 0;
+            }
+            node = anchor;
+            depth = anchor_depth;
         }
+        cut
+    }
+
+    /// A piece's shape bisected less.
+    fn coarser(&self, shape: u32, by: u32) -> u32 {
+        let order = shape & SHAPE_ORDER;
+        let rest = shape & !SHAPE_ORDER;
+        if self.placement == Placement::Grid {
+            return rest | order.min((order >> by.div_ceil(2)).max(1));
+        }
+        rest | order.saturating_sub(by)
     }
 
     fn place(
@@ -333,15 +409,13 @@ impl Params {
 }
 
 fn bisections(a: f64) -> u32 {
-    (a.log2() + 0.5)
-        .floor()
-        .clamp(0.0, f64::from(MAX_CLAMPED_ORDER)) as u32
+    (a.log2() + 0.5).floor().clamp(0.0, f64::from(MAX_ORDER)) as u32
 }
 
 fn grid_level(a: f64) -> u32 {
     ((12.0 * a - 3.0).max(0.0).sqrt() / 3.0 - 1.0)
         .ceil()
-        .clamp(1.0, 1000.0) as u32
+        .clamp(1.0, f64::from(MAX_GRID_LEVEL)) as u32
 }
 
 fn fetch(corners: [DVec3; 3], origin: DVec3) -> Triangle {
@@ -354,28 +428,47 @@ fn fetch(corners: [DVec3; 3], origin: DVec3) -> Triangle {
 }
 
 /// The path from a triangle to a node of its bisection tree: bit d of it is the side taken at depth d.
-#[derive(Default)]
+#[derive(Clone, Copy, Default)]
 struct Path {
-    bits: [u32; 2],
+    bits: u64,
     depth: u32,
 }
 
 impl Path {
-    fn side(&self, depth: u32) -> u32 {
-        (self.bits[(depth / 32) as usize] >> (depth & 31)) & 1
+    fn side(self, depth: u32) -> u32 {
+        (self.bits >> depth) as u32 & 1
     }
 
-    fn set(&mut self, depth: u32, side: u32) {
-        let word = &mut self.bits[(depth / 32) as usize];
-        let mask = 1 << (depth & 31);
-        *word = (*word & !mask) | (side << (depth & 31));
+    /// The path to one half of a node that has to be split.
+    fn into_half(self, side: u32) -> Self {
+        Self {
+            bits: self.bits | (u64::from(side) << self.depth),
+            depth: self.depth + 1,
+        }
     }
 
-    fn hash(&self) -> u32 {
+    /// The path to the next node to the right, of depth 0 after the last one.
+    fn to_next(self) -> Self {
+        let open = !self.bits & ((1 << self.depth) - 1);
+        if open == 0 {
+            return Self::default();
+        }
+        let depth = open.ilog2();
+        let above = Self {
+            bits: self.bits & ((1 << depth) - 1),
+            depth,
+        };
+        above.into_half(1)
+    }
+
+    fn hash(self) -> u32 {
         if self.depth == 0 {
             return 0;
         }
-        hash2(self.bits[0], hash2(self.bits[1], self.depth)) >> SHAPE_PATH_SHIFT
+        hash2(
+            self.bits as u32,
+            hash2((self.bits >> 32) as u32, self.depth),
+        ) >> SHAPE_PATH_SHIFT
     }
 }
 
@@ -502,37 +595,72 @@ pub fn surfelize(
         density: f64::from(settings.density),
         reach: settings.reach,
         placement: settings.placement,
+        capacity,
     };
 
     // count_pieces
     let mut counts = SurfelCounts::default();
-    let mut found = Vec::new();
+    let mut cuts = Vec::new();
     for (triangle, (&corners, &material)) in triangles.iter().zip(materials).enumerate() {
         let root = fetch(corners, origin);
         if area_root(root) > 0.0 {
             let triangle = triangle as u32;
-            params.walk(root, triangle, |corners, shape| {
-                found.push(Piece {
-                    corners,
-                    material,
-                    shape,
-                    triangle,
-                });
+            cuts.push(TriangleCut {
+                root,
+                triangle,
+                material,
+                pieces: params.walk(root, triangle, None),
             });
         } else {
             counts.rejected += 1;
         }
     }
-    counts.pieces = found.len() as u32;
+    let largest = cuts.iter().fold(0.0, |l, c| area_root(c.root).max(l));
+
+    // merge_pieces
+    let asked = total(&cuts);
+    if asked > u64::from(capacity.pieces) {
+        let cut_triangles = cuts.iter().filter(|c| !c.pieces.is_empty()).count() as u32;
+        for cut in &mut cuts {
+            let pieces = cut.pieces.len() as u32;
+            if pieces > 0 {
+                let quota = quota_of(pieces, cut_triangles, asked, capacity.pieces);
+                cut.pieces = params.walk(cut.root, cut.triangle, Some(quota));
+            }
+        }
+    }
+    counts.pieces = u32::try_from(total(&cuts)).unwrap_or(u32::MAX);
+    counts.merged = u32::try_from(asked)
+        .unwrap_or(u32::MAX)
+        .saturating_sub(counts.pieces);
 
     // emit_pieces; a room that none takes stays empty, without surfels.
+    let by = coarser_by(&params, &cuts);
     let mut pieces = vec![Piece::default(); counts.pieces.min(capacity.pieces) as usize];
     let mut surfels_of = vec![0; pieces.len()];
-    for (index, piece) in found.into_iter().enumerate() {
-        if let Some(room) = room_for(index as u32, counts.pieces, capacity.pieces) {
-            pieces[room as usize] = piece;
-            surfels_of[room as usize] = params.surfels_of(piece.shape);
+    let mut index = 0;
+    let (mut area, mut lost) = (0.0, 0.0);
+    for cut in &cuts {
+        for &(corners, shape) in &cut.pieces {
+            let shape = params.coarser(shape, by);
+            let share = (area_root(corners) / largest).powi(2);
+            area += share;
+            if let Some(room) = room_for(index, counts.pieces, capacity.pieces) {
+                pieces[room as usize] = Piece {
+                    corners,
+                    material: cut.material,
+                    shape,
+                    triangle: cut.triangle,
+                };
+                surfels_of[room as usize] = params.surfels_of(shape);
+            } else {
+                lost += share;
+            }
+            index += 1;
         }
+    }
+    if lost > 0.0 {
+        counts.lost_area = ((lost / area * 4_294_967_296.0) as u32).max(1);
     }
 
     // (prefix sum), finish
@@ -554,6 +682,41 @@ pub fn surfelize(
         surfels,
         counts,
     }
+}
+
+/// What a triangle is cut into: pieces and their shapes.
+struct TriangleCut {
+    root: Triangle,
+    triangle: u32,
+    material: u32,
+    pieces: Vec<(Triangle, u32)>,
+}
+
+fn total(cuts: &[TriangleCut]) -> u64 {
+    cuts.iter().map(|c| c.pieces.len() as u64).sum()
+}
+
+/// How many of its pieces a triangle that asks for `asked` of `pieces` may keep where they are merged: one, and its share
+/// of the room that one of each triangle leaves.
+fn quota_of(asked: u32, triangles: u32, pieces: u64, capacity: u32) -> u32 {
+    let spare = capacity.max(triangles) - triangles;
+    let more = pieces - u64::from(triangles);
+    let shift = u64::BITS.saturating_sub(u32::BITS + more.leading_zeros());
+    let more = (more >> shift) as u32 + u32::from(shift > 0);
+    if spare >> shift >= more {
+        return asked;
+    }
+    1 + multiply_high(asked - 1, keep_ratio(more, spare >> shift))
+}
+
+/// How often each piece is bisected less than asked for, so that the number of all surfels stays below 2^32.
+fn coarser_by(params: &Params, cuts: &[TriangleCut]) -> u32 {
+    let surfels: u64 = cuts
+        .iter()
+        .flat_map(|c| &c.pieces)
+        .map(|&(_, shape)| u64::from(params.surfels_of(shape)))
+        .sum();
+    33_u32.saturating_sub(surfels.leading_zeros())
 }
 
 fn emit_surfel(

@@ -35,7 +35,7 @@ use crate::{
         screen, shader, storage, uniform,
     },
     overrides::check_constants,
-    receivers::{Receivers, ReceiversPass, plane_bytes},
+    receivers::{Receivers, ReceiversPass, check_view_size, plane_bytes},
     shaders::{Listing, name_of},
     texture_slice::{TextureSlice, check_apart},
 };
@@ -487,6 +487,7 @@ impl SgHull {
     /// [`Error::Setting`] for a size out of range, [`Error::Limit`] for one beyond the device's.
     pub fn create_view(&self, device: &Device, size: SgHullSize) -> Result<SgHullView, Error> {
         size.validate()?;
+        check_view_size(device, LABEL, [size.width, size.height])?;
         let capacity = u64::from(size.capacity());
         let splits = if self.split.is_some() {
             u64::from(size.splits)

@@ -37,6 +37,10 @@ const SOURCE: &str = include_str!("../../wgsl/shell_splatter.wgsl");
 const LABEL: &str = "deep-screen-space shell splatter";
 
 /// Splats surfels for one [`Effect`]. Holds pipelines only; one serves any number of views.
+///
+/// A pixel's contributions are about its shading normal. Where that leans off the surface by an angle θ, as with a strong
+/// normal map, the part of its hemisphere that the pixel's own surface hides, `(1 − cos θ) / 2`, counts as empty, unless the
+/// effect says otherwise: [`AmbientOcclusion::own_surface`](crate::AmbientOcclusion::own_surface), [`Effect::own_surface`].
 #[derive(Debug)]
 pub struct ShellSplatter {
     effect: Effect,
@@ -119,7 +123,7 @@ pub struct SplatView {
 #[derive(Clone, Debug)]
 pub(crate) struct Splatted {
     pub levels: u32,
-    pub sub_image: Option<u32>,
+    pub sub_image: u32,
     /// The cloud's recording.
     pub of: Stamp,
 }
@@ -480,7 +484,7 @@ impl ShellSplatter {
         }
         view.recorded.set(Splatted {
             levels: settings.levels,
-            sub_image: input.work.as_ref().map(|work| work.level),
+            sub_image,
             of: input.cloud.last()?,
         });
         if let Some(statistics) = &view.statistics {

@@ -42,6 +42,7 @@ pub struct Surfelizer {
     finish_layout: wgpu::BindGroupLayout,
     surfel_layout: wgpu::BindGroupLayout,
     count_pieces: ComputePipeline,
+    merge_pieces: ComputePipeline,
     emit_pieces: ComputePipeline,
     finish: ComputePipeline,
     emit_surfels: ComputePipeline,
@@ -71,7 +72,7 @@ impl Surfelizer {
         check_limit(
             "max_storage_buffers_per_shader_stage",
             u64::from(device.limits().max_storage_buffers_per_shader_stage),
-            7,
+            8,
             LABEL,
         )?;
         let stages = ShaderStages::COMPUTE;
@@ -79,7 +80,7 @@ impl Surfelizer {
             device,
             LABEL,
             stages,
-            &[(0, UNIFORM), (1, WRITE), (2, WRITE), (3, WRITE)],
+            &[(0, UNIFORM), (1, WRITE), (2, WRITE), (3, WRITE), (4, WRITE)],
         );
         let mesh_layout = binding::layout(
             device,
@@ -107,6 +108,7 @@ impl Surfelizer {
         };
         Ok(Self {
             count_pieces: kernel("count_pieces", &[&cloud_layout, &mesh_layout]),
+            merge_pieces: kernel("merge_pieces", &[&cloud_layout, &mesh_layout]),
             emit_pieces: kernel("emit_pieces", &[&cloud_layout, &mesh_layout]),
             finish: kernel("finish", &[&cloud_layout, &finish_layout]),
             emit_surfels: kernel("emit_surfels", &[&cloud_layout, &surfel_layout]),
@@ -195,6 +197,7 @@ impl Surfelizer {
                 (1, whole(&cloud.pieces)),
                 (2, whole(&cloud.piece_offsets.values)),
                 (3, whole(&cloud.counters)),
+                (4, whole(&cloud.tally)),
             ],
         );
         let finish_group = binding::group(
@@ -215,6 +218,7 @@ impl Surfelizer {
         cloud.placement = settings.placement;
         cloud.perspective = input.camera.is_perspective();
         encoder.clear_buffer(&cloud.counters, 0, None);
+        encoder.clear_buffer(&cloud.tally, 0, None);
         encoder.clear_buffer(&cloud.triangle_offsets.values, 0, None);
         encoder.clear_buffer(&cloud.piece_offsets.values, 0, None);
         let mut pass = compute_pass(encoder, LABEL, input.timestamps);
@@ -229,6 +233,7 @@ impl Surfelizer {
             }
         };
         each_mesh(&mut pass, &self.count_pieces);
+        each_mesh(&mut pass, &self.merge_pieces);
         self.scan.record(&mut pass, &cloud.triangle_offsets);
         each_mesh(&mut pass, &self.emit_pieces);
         self.scan.record(&mut pass, &cloud.piece_offsets);

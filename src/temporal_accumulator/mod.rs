@@ -4,8 +4,8 @@ pub(crate) mod params;
 pub(crate) mod settings;
 
 use wgpu::{
-    CommandEncoder, ComputePipeline, Device, PipelineCache, RenderPipeline, ShaderStages,
-    TextureFormat, TextureUsages, TextureView, TextureViewDimension,
+    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache, RenderPipeline,
+    ShaderStages, TextureFormat, TextureUsages, TextureView, TextureViewDimension,
 };
 
 use self::{params::TemporalParams, settings::TemporalSettings};
@@ -16,10 +16,10 @@ use crate::{
     gbuffer::{GBuffer, samples_as_float},
     gpu::{
         Kernel, Timestamps,
-        binding::{self, FLOAT_2D, UINT_2D, UNIFORM, view, whole},
+        binding::{self, FLOAT_2D, READ, UINT_2D, UNIFORM, WRITE, view, whole},
         check_timestamps, first_pass,
         screen::{self, Screen},
-        shader, uniform,
+        shader, storage, uniform,
     },
     receivers::{Receivers, ReceiversPass, plane, plane_bytes},
     shaders::Listing,
@@ -42,6 +42,11 @@ const LABEL: &str = "deep-screen-space temporal accumulator";
 /// as they are: a still picture's mean is the arithmetic mean of its frames. Motion by fractions of a pixel smooths the
 /// history by a little in each frame.
 ///
+/// With motion vectors a pixel whose surface differs from what was there, by as little as an eighth of a pixel's side off
+/// its plane, starts anew where something seen now has moved away from there, by a sixteenth of a pixel and more: nothing
+/// ghosts behind a thin thing that moves. Without them, once a mover is out of sight, and where one comes out from behind a
+/// thin thing that stands still, [`TemporalSettings::depth_tolerance`] alone tells the two apart.
+///
 /// * **Sky** holds no history: its pixels show this frame's picture.
 /// * **A value that is not finite** counts as absent: the pixel keeps its history, or shows 0 where it has none.
 ///
@@ -53,6 +58,7 @@ pub struct TemporalAccumulator {
     receivers: ReceiversPass,
     /// Without and with motion vectors.
     accumulate: [(wgpu::BindGroupLayout, ComputePipeline); 2],
+    claim: (wgpu::BindGroupLayout, ComputePipeline),
     show: (wgpu::BindGroupLayout, RenderPipeline),
 }
 
@@ -64,6 +70,8 @@ pub struct TemporalAccumulator {
 pub struct TemporalHistory {
     channels: Channels,
     frames: [Frame; 2],
+    /// Which pixels moved away from where, made by the first recording with motion vectors.
+    claims: Option<Buffer>,
     /// The one that was recorded last.
     last: usize,
     /// Whether any was.
@@ -90,10 +98,25 @@ impl TemporalHistory {
         &self.frames[self.last].means
     }
 
-    /// GPU memory that it owns, bytes: 48 a pixel with one channel, 64 with three.
+    /// GPU memory that it owns, bytes: 48 a pixel with one channel, 64 with three, and 4 once there were motion vectors.
     pub fn memory_bytes(&self) -> u64 {
         2 * (plane_bytes(TextureFormat::Rgba32Uint, self.size(), 1)
             + plane_bytes(means_format(self.channels), self.size(), 1))
+            + self.claims.as_ref().map_or(0, Buffer::size)
+    }
+
+    fn claims(&mut self, device: &Device) -> Result<Buffer, Error> {
+        if let Some(claims) = &self.claims {
+            return Ok(claims.clone());
+        }
+        let [width, height] = self.size();
+        let claims = storage(
+            device,
+            "deep-screen-space temporal claims",
+            4 * u64::from(width) * u64::from(height),
+            BufferUsages::COPY_DST,
+        )?;
+        Ok(self.claims.insert(claims).clone())
     }
 }
 
@@ -169,7 +192,9 @@ impl TemporalAccumulator {
                 (3, FLOAT_2D),
                 (4, FLOAT_2D),
             ];
-            entries.extend(motion.then_some((5, FLOAT_2D)));
+            if motion {
+                entries.extend([(5, FLOAT_2D), (7, READ)]);
+            }
             let format = means_format(channels);
             entries.push((6, binding::store(format, TextureViewDimension::D2)));
             let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
@@ -184,6 +209,18 @@ impl TemporalAccumulator {
             .create(device);
             Ok((layout, pipeline))
         };
+        let entries = [(0, UNIFORM), (1, UINT_2D), (5, FLOAT_2D), (7, WRITE)];
+        let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
+        let pipeline = Kernel {
+            label: LABEL,
+            module: &module(TemporalVariant::Claim)?,
+            entry: "claim",
+            layouts: &[&layout],
+            constants: &[],
+            cache,
+        }
+        .create(device);
+        let claim = (layout, pipeline);
         let layout = binding::layout(
             device,
             LABEL,
@@ -205,6 +242,7 @@ impl TemporalAccumulator {
             target,
             receivers: ReceiversPass::new(device, cache)?,
             accumulate: [accumulate(false)?, accumulate(true)?],
+            claim,
             show: (layout, show),
         })
     }
@@ -231,6 +269,7 @@ impl TemporalAccumulator {
         Ok(TemporalHistory {
             channels: self.channels,
             frames: [frame()?, frame()?],
+            claims: None,
             last: 0,
             recorded: false,
         })
@@ -267,6 +306,10 @@ impl TemporalAccumulator {
                 input.reset || !history.recorded,
             ),
         );
+        let motion = match input.motion {
+            Some(motion) => Some((motion.texture.read(), history.claims(device)?)),
+            None => None,
+        };
         let last = &history.frames[history.last];
         let next = &history.frames[1 - history.last];
         self.receivers.record(
@@ -278,9 +321,19 @@ impl TemporalAccumulator {
             &next.receivers,
         );
 
-        let (layout, pipeline) = &self.accumulate[usize::from(input.motion.is_some())];
         let picture = input.picture.read();
-        let motion = input.motion.map(|motion| motion.texture.read());
+        let group = |layout, resources: &[_]| binding::group(device, LABEL, layout, resources);
+        let claiming = motion.as_ref().map(|(vectors, claims)| {
+            encoder.clear_buffer(claims, 0, None);
+            let resources = [
+                (0, whole(&params)),
+                (1, view(&next.receivers.view)),
+                (5, view(vectors)),
+                (7, whole(claims)),
+            ];
+            group(&self.claim.0, &resources)
+        });
+        let (layout, pipeline) = &self.accumulate[usize::from(motion.is_some())];
         let mut resources = vec![
             (0, whole(&params)),
             (1, view(&next.receivers.view)),
@@ -289,17 +342,22 @@ impl TemporalAccumulator {
             (4, view(&picture)),
             (6, view(&next.means)),
         ];
-        resources.extend(motion.as_ref().map(|motion| (5, view(motion))));
-        let group = binding::group(device, LABEL, layout, &resources);
+        if let Some((vectors, claims)) = &motion {
+            resources.extend([(5, view(vectors)), (7, whole(claims))]);
+        }
+        let accumulating = group(layout, &resources);
         let mut pass = first_pass(encoder, LABEL, input.timestamps);
-        pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, &group, &[]);
-        pass.dispatch_workgroups(viewport.width.div_ceil(8), viewport.height.div_ceil(8), 1);
+        let claiming = claiming.as_ref().map(|group| (&self.claim.1, group));
+        for (pipeline, group) in claiming.into_iter().chain([(pipeline, &accumulating)]) {
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, group, &[]);
+            pass.dispatch_workgroups(viewport.width.div_ceil(8), viewport.height.div_ceil(8), 1);
+        }
         drop(pass);
 
         let (layout, pipeline) = &self.show;
         let resources = [(0, whole(&params)), (3, view(&next.means))];
-        let group = binding::group(device, LABEL, layout, &resources);
+        let group = group(layout, &resources);
         screen::draw(
             encoder,
             LABEL,
@@ -409,6 +467,7 @@ fn means_format(channels: Channels) -> TextureFormat {
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum TemporalVariant {
     Accumulate { motion: bool },
+    Claim,
     Show,
 }
 
@@ -418,9 +477,13 @@ fn source(channels: Channels, variant: TemporalVariant) -> Result<String, Error>
     if channels == Channels::Three {
         flags.push("COLOR");
     }
-    if let TemporalVariant::Accumulate { motion } = variant {
-        flags.push("ACCUMULATE");
-        flags.extend(motion.then_some("MOTION"));
+    match variant {
+        TemporalVariant::Accumulate { motion } => {
+            flags.push("ACCUMULATE");
+            flags.extend(motion.then_some("MOTION"));
+        }
+        TemporalVariant::Claim => flags.extend(["CLAIM", "MOTION"]),
+        TemporalVariant::Show => flags.push("SHOW"),
     }
     shader::assemble("temporal_accumulator", SOURCE, &flags, &[])
 }
@@ -436,6 +499,7 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
             "temporal_accumulator motion",
             TemporalVariant::Accumulate { motion: true },
         ),
+        ("temporal_accumulator claim", TemporalVariant::Claim),
         ("temporal_accumulator show", TemporalVariant::Show),
     ] {
         all.add(name, source(all.effect.channels, variant)?);

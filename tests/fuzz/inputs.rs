@@ -11,20 +11,41 @@ use deep_screen_space::{
 
 use crate::case::Case;
 
+/// What drivers tell textures apart by: sides of 1, other powers of two, and neither. The same in successive cases.
+fn is_even(case: &Case<'_>, name: &str) -> Option<bool> {
+    case.usual(
+        name,
+        &[None, Some(true), Some(false), Some(false), Some(false)],
+    )
+}
+
 /// The side of an image, mostly a small one.
-pub fn side(case: &mut Case<'_>) -> u32 {
-    match case.random.below(8) {
-        0 => 1,
-        1 => case.random.one_of(&[2, 8, 16, 32, 33, 65]),
-        _ => 1 + 40_f64.powf(case.random.unit()) as u32,
+fn side(case: &mut Case<'_>, name: &str) -> u32 {
+    let is_even = is_even(case, name);
+    match is_even {
+        None => 1,
+        Some(true) => 2 << case.random.below(6),
+        Some(false) => {
+            let side = 2 + 40_f64.powf(case.random.unit()) as u32;
+            uneven(side)
+        }
     }
 }
 
+fn uneven(side: u32) -> u32 {
+    side + u32::from(side.is_power_of_two())
+}
+
+pub fn size(case: &mut Case<'_>) -> Viewport {
+    Viewport::full(side(case, "width"), side(case, "height"))
+}
+
 pub fn viewport(case: &mut Case<'_>) -> Viewport {
-    let mut viewport = Viewport::full(side(case), side(case));
-    if case.random.chance(0.3) {
-        viewport.x = case.random.below(9);
-        viewport.y = case.random.below(9);
+    let mut viewport = size(case);
+    let is_apart = ["width", "height"].map(|name| is_even(case, name) == Some(false));
+    if case.random.chance(0.3) && is_apart == [true; 2] {
+        viewport.x = uneven(viewport.width + case.random.below(9)) - viewport.width;
+        viewport.y = uneven(viewport.height + case.random.below(9)) - viewport.height;
     }
     viewport
 }
@@ -126,7 +147,14 @@ impl Part {
 }
 
 /// An empty texture that covers a rectangle, of one layer and mip level or a part of a larger one.
-fn part(case: &mut Case<'_>, format: Format, [width, height]: [u32; 2], usage: Usages) -> Part {
+fn part(
+    case: &mut Case<'_>,
+    name: &str,
+    format: Format,
+    [width, height]: [u32; 2],
+    usage: Usages,
+) -> Part {
+    let kind = case.usual(&format!("part {name}"), &[0, 1, 2, 3, 3, 3, 3, 3]);
     let random = &mut case.random;
     let mut descriptor = wgpu::TextureDescriptor {
         label: None,
@@ -143,7 +171,7 @@ fn part(case: &mut Case<'_>, format: Format, [width, height]: [u32; 2], usage: U
         view_formats: &[],
     };
     let (mut mip, mut layer) = (0, 0);
-    match random.below(10) {
+    match kind {
         0 => {
             descriptor.size.width *= 2;
             descriptor.size.height *= 2;
@@ -155,8 +183,12 @@ fn part(case: &mut Case<'_>, format: Format, [width, height]: [u32; 2], usage: U
             layer = random.below(6);
         }
         2 => {
-            descriptor.size.width += random.below(9);
-            descriptor.size.height += random.below(9);
+            let size = &mut descriptor.size;
+            for side in [&mut size.width, &mut size.height] {
+                if !side.is_power_of_two() {
+                    *side = uneven(*side + random.below(9));
+                }
+            }
         }
         _ => {}
     }
@@ -185,7 +217,7 @@ fn part(case: &mut Case<'_>, format: Format, [width, height]: [u32; 2], usage: U
 pub fn target(case: &mut Case<'_>, format: Format, viewport: Viewport, written: Usages) -> Part {
     let usage = written | Usages::TEXTURE_BINDING | Usages::COPY_SRC;
     let size = [viewport.x + viewport.width, viewport.y + viewport.height];
-    let mut part = part(case, format, size, usage);
+    let mut part = part(case, "target", format, size, usage);
     // Only the first mip level is read back.
     if part.texture.mip_level_count() > 1 {
         part.mip = 0;
@@ -222,7 +254,7 @@ pub fn image(
 ) -> Part {
     let usage = Usages::TEXTURE_BINDING | Usages::COPY_DST;
     let size = [viewport.x + viewport.width, viewport.y + viewport.height];
-    let part = part(case, format, size, usage);
+    let part = part(case, name, format, size, usage);
     fill(case, name, &part, viewport, texel);
     part
 }
@@ -251,9 +283,10 @@ fn fill(
     {
         return;
     }
+    // All of the level, since depth formats cannot be written in part; beside the viewport nothing is read.
     let mut data = Vec::new();
-    for y in 0..viewport.height {
-        for x in 0..viewport.width {
+    for y in 0..covered[1] {
+        for x in 0..covered[0] {
             let is_garbage = match contents {
                 Contents::Garbage => true,
                 Contents::Sprinkled => case.random.chance(0.1),
@@ -262,28 +295,25 @@ fn fill(
             if is_garbage {
                 data.extend(case.random.garbage(bytes as usize));
             } else {
-                encode(format, texel(x, y), &mut data);
+                let texel = texel(x.saturating_sub(viewport.x), y.saturating_sub(viewport.y));
+                encode(format, texel, &mut data);
             }
         }
     }
     let mut to = part.texture.as_image_copy();
     to.mip_level = part.mip;
-    to.origin = wgpu::Origin3d {
-        x: viewport.x,
-        y: viewport.y,
-        z: part.layer,
-    };
+    to.origin.z = part.layer;
     case.world.gpu.queue.write_texture(
         to,
         &data,
         wgpu::TexelCopyBufferLayout {
             offset: 0,
-            bytes_per_row: Some(bytes * viewport.width),
+            bytes_per_row: Some(bytes * covered[0]),
             rows_per_image: None,
         },
         wgpu::Extent3d {
-            width: viewport.width,
-            height: viewport.height,
+            width: covered[0],
+            height: covered[1],
             depth_or_array_layers: 1,
         },
     );
@@ -355,7 +385,6 @@ pub fn gbuffer(case: &mut Case<'_>, camera: &Camera, albedo: bool) -> Drawn {
     let viewport = camera.viewport();
     let seed = case.random.bits();
     let depth = depth(case, "depth", camera, seed);
-    let random = &mut case.random;
     let encodings = [
         (NormalEncoding::Signed, Format::Rgba16Float),
         (NormalEncoding::Signed, Format::Rgba32Float),
@@ -365,7 +394,8 @@ pub fn gbuffer(case: &mut Case<'_>, camera: &Camera, albedo: bool) -> Drawn {
         (NormalEncoding::Octahedral, Format::Rg8Snorm),
         (NormalEncoding::OctahedralUnsigned, Format::Rg8Unorm),
     ];
-    let (encoding, mut format) = random.one_of(&encodings);
+    let (encoding, mut format) = case.usual("normal", &encodings);
+    let random = &mut case.random;
     if random.breaks() {
         format = random.one_of(&[Format::R32Float, Format::Rg8Unorm, Format::Rgba8Uint]);
     }
@@ -404,7 +434,7 @@ pub fn gbuffer(case: &mut Case<'_>, camera: &Camera, albedo: bool) -> Drawn {
             Format::Rgba16Float,
             Format::Rgba32Float,
         ];
-        let format = case.random.one_of(&formats);
+        let format = case.usual("albedo", &formats);
         image(case, "albedo", format, viewport, |x, y| {
             [(x % 4) as f32 * 0.3, (y % 5) as f32 * 0.25, 0.5, 1.0]
         })
@@ -434,7 +464,7 @@ pub fn depth(case: &mut Case<'_>, name: &str, camera: &Camera, seed: u64) -> Par
         Format::Depth24Plus,
         Format::Depth24PlusStencil8,
     ];
-    let mut format = case.random.one_of(&formats);
+    let mut format = case.usual(name, &formats);
     if case.random.breaks() {
         format = case
             .random
@@ -447,7 +477,7 @@ pub fn depth(case: &mut Case<'_>, name: &str, camera: &Camera, seed: u64) -> Par
     }
     let size = [viewport.x + viewport.width, viewport.y + viewport.height];
     let usage = Usages::TEXTURE_BINDING | Usages::RENDER_ATTACHMENT;
-    let part = part(case, format, size, usage);
+    let part = part(case, name, format, size, usage);
     case.note(name, (format, &part.texture.size(), part.mip, part.layer));
     let value = seen(camera, seed, viewport.width / 2, viewport.height / 2).clamp(0.0, 1.0);
     let is_there = part.mip < part.texture.mip_level_count()

@@ -142,9 +142,10 @@ fn fuzz(name: &'static str, cases: u64, record: fn(&mut Case<'_>)) {
     let first = from_env("DSS_FUZZ_SEED", 1);
     let progress = watch(name);
     let notes = RefCell::default();
-    let (mut refused, mut failed) = (0, Vec::new());
+    let (mut refused, mut failed, mut times) = (0, Vec::new(), Vec::new());
     let start = Instant::now();
     for seed in first..first + cases {
+        let began = Instant::now();
         match try_case(&world, seed, &errors, &notes, record) {
             Ok(outcome) => refused += u64::from(!outcome.refused.is_empty()),
             Err(problem) => {
@@ -158,6 +159,7 @@ fn fuzz(name: &'static str, cases: u64, record: fn(&mut Case<'_>)) {
                 }
             }
         }
+        times.push((began.elapsed(), seed));
         progress.fetch_add(1, Ordering::Relaxed);
     }
     let seconds = start.elapsed().as_secs_f64();
@@ -167,6 +169,10 @@ fn fuzz(name: &'static str, cases: u64, record: fn(&mut Case<'_>)) {
         cases as f64 / seconds,
         world.made()
     );
+    times.sort_unstable();
+    let median = times.get(times.len() / 2);
+    let slowest: Vec<_> = times.iter().rev().take(5).collect();
+    println!("  median (time, seed) {median:?}, slowest {slowest:?}");
     assert!(failed.is_empty(), "{name}: failed with seeds {failed:?}");
 }
 

@@ -26,7 +26,7 @@ fn descriptor(case: &mut Case<'_>) -> BouncedDescriptor {
         senders: Senders::Disks { levels },
         ..pieces(payload, Sampling::Cosine, Lighting::Surfels)
     };
-    let mut descriptor = case.random.one_of(&[
+    let kinds = [
         pieces(Payload::Occlusion, Sampling::Cosine, Lighting::Surfels),
         pieces(Payload::Occlusion, Sampling::Glossy, Lighting::Surfels),
         pieces(Payload::Radiance, Sampling::Uniform, Lighting::Surfels),
@@ -35,7 +35,8 @@ fn descriptor(case: &mut Case<'_>) -> BouncedDescriptor {
         pieces(Payload::Radiance, Sampling::Glossy, Lighting::Hits),
         disks(Payload::Occlusion, 1),
         disks(Payload::Radiance, 5),
-    ]);
+    ];
+    let mut descriptor = case.usual("tracer", &kinds);
     if case.random.breaks() {
         descriptor.senders = Senders::Disks {
             levels: case.random.one_of(&[0, 9, u32::MAX]),
@@ -52,7 +53,7 @@ pub fn roughness(case: &mut Case<'_>, viewport: deep_screen_space::Viewport) -> 
         TextureFormat::R8Unorm,
         TextureFormat::Rgba16Float,
     ];
-    let format = case.random.one_of(&formats);
+    let format = case.usual("roughness", &formats);
     inputs::image(case, "roughness", format, viewport, |x, y| {
         [(x + y) as f32 * 0.04, 0.0, 0.0, 0.0]
     })
@@ -156,7 +157,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let descriptor = HitReconstructorDescriptor {
         payload: descriptor.payload,
         sampling: descriptor.sampling,
-        deferred: case.random.chance(0.5),
+        deferred: case.usual("deferred", &[true, false]),
         target: target_format,
     };
     let reconstructor = case.once(descriptor, |device| {

@@ -25,7 +25,7 @@ enum Effect {
 
 impl Effect {
     fn new(case: &mut Case<'_>, camera: &Camera) -> Self {
-        match case.random.below(3) {
+        match case.usual("effect", &[0, 1, 2]) {
             0 => {
                 let settings = SoftShadowsSettings {
                     extent: case.random.scale(0.0, 1e18),
@@ -39,7 +39,7 @@ impl Effect {
             }
             1 => {
                 let formats = [Format::Rgba16Float, Format::Rgba32Float, Format::Rgba8Unorm];
-                let format = case.random.one_of(&formats);
+                let format = case.usual("lit", &formats);
                 let lit = inputs::image(case, "lit", format, camera.viewport(), |x, y| {
                     [(x % 3) as f32, (y % 4) as f32 * 100.0, 0.5, 1.0]
                 });
@@ -52,21 +52,23 @@ impl Effect {
                 Self::Bounce(lit, settings)
             }
             _ => {
-                let sampling = case.random.one_of(&[
+                let samplings = [
                     ObscuranceSampling::Points(BallSamples::SixtyFour),
                     ObscuranceSampling::Lines(DiskSamples::Six),
                     ObscuranceSampling::Lines(DiskSamples::FifteenAround),
                     ObscuranceSampling::Areas(DiskSamples::Five),
                     ObscuranceSampling::OneArea,
-                ]);
+                ];
+                let sampling = case.usual("sampling", &samplings);
                 let volume = if matches!(sampling, ObscuranceSampling::Areas(_)) {
                     ObscuranceVolume::Sphere
                 } else {
-                    case.random.one_of(&[
+                    let volumes = [
                         ObscuranceVolume::Sphere,
                         ObscuranceVolume::Hemisphere,
                         ObscuranceVolume::TangentSphere,
-                    ])
+                    ];
+                    case.usual("volume", &volumes)
                 };
                 let second = SecondRadius {
                     radius: case.random.scale(0.0, f32::INFINITY),
@@ -235,9 +237,8 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let mut masks = case.accept(masks)?;
     let own: [Option<Part>; 3] = ["shading", "edges", "importance"].map(|name| {
         case.random.chance(0.3).then(|| {
-            let format =
-                case.random
-                    .one_of(&[Format::R32Float, Format::R8Unorm, Format::Rgba16Float]);
+            let formats = [Format::R32Float, Format::R8Unorm, Format::Rgba16Float];
+            let format = case.usual(name, &formats);
             inputs::image(case, name, format, viewport, |x, y| {
                 [((x ^ y) % 5) as f32 * 0.25, 0.0, 0.0, 0.0]
             })

@@ -32,7 +32,7 @@ fn resolve(sum: vec3f, albedo: vec3f) -> vec4f {
 
 /// Effects that pipelines are made for.
 fn effect(case: &mut Case<'_>) -> Effect {
-    match case.random.below(4) {
+    match case.usual("effect", &[0, 1, 2, 2]) {
         0 => Effect {
             label: "color".into(),
             source: COLOR.into(),
@@ -96,7 +96,7 @@ pub fn splatter(case: &mut Case<'_>, effect: &Effect) -> Option<std::rc::Rc<Shel
     let variant = if case.random.breaks() {
         2
     } else {
-        case.random.below(8)
+        case.usual("splatter", &[0, 1, 2, 3, 4])
     };
     let (subgroups, statistics) = (variant == 2 && (able || case.random.breaks()), variant == 0);
     let key = (effect, subgroups, statistics);

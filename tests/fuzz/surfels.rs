@@ -6,7 +6,7 @@ use deep_screen_space::{
     BouncedZBuffer, Camera, CloudCapacity, Geometry, IndexFormat, Indices, Instances, Mesh,
     Placement, PositionFormat, Reach, SenderBounds, ShadedLight, Shadow, ShadowMap, SurfelCloud,
     SurfelShader, SurfelShaderInput, SurfelShaderSettings, Surfelizer, SurfelizerInput,
-    SurfelizerSettings, TransformFormat, Vertices, Viewport,
+    SurfelizerSettings, TransformFormat, Vertices,
     wgpu::{Buffer, BufferUsages},
 };
 
@@ -84,7 +84,17 @@ fn mesh<'a>(case: &mut Case<'_>, buffers: &'a Buffers) -> Mesh<'a> {
         }),
         material: random.one_of(&[0, 1, 7, u32::MAX]),
     };
-    case.note("mesh", mesh);
+    let indices = mesh.indices.map(|i| (i.offset, i.format));
+    let instances = mesh.instances.map(|i| (i.offset, i.count));
+    let vertices = (offset, stride, format, mesh.vertices.count);
+    case.note(
+        "mesh: vertices, indices, instances",
+        (vertices, indices, instances),
+    );
+    case.note(
+        "  draw",
+        (mesh.first, mesh.count, mesh.base_vertex, mesh.material),
+    );
     mesh
 }
 
@@ -181,7 +191,7 @@ pub fn radiance(
     bounds: Option<&SenderBounds>,
 ) -> Option<Buffer> {
     if case.random.chance(0.2) {
-        let numbers = 8 * cloud.capacity().surfels as usize;
+        let numbers = 8 * cloud.capacity().surfels.max(1) as usize;
         return Some(inputs::table(case, "radiance", numbers, |i| (i % 7) as f32));
     }
     let shader: Rc<SurfelShader> = case.once("", |device| SurfelShader::new(device, None))?;
@@ -238,7 +248,7 @@ pub struct Map {
 
 impl Map {
     pub fn new(case: &mut Case<'_>) -> Self {
-        let viewport = Viewport::full(inputs::side(case), inputs::side(case));
+        let viewport = inputs::size(case);
         let camera = inputs::camera_of(case, viewport);
         let seed = case.random.bits();
         let depth = inputs::depth(case, "shadow map", &camera, seed);

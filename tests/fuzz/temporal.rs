@@ -17,7 +17,7 @@ pub fn record(case: &mut Case<'_>) {
 
 fn steps(case: &mut Case<'_>) -> Option<()> {
     let device = case.device();
-    let channels = case.random.one_of(&[Channels::One, Channels::Three]);
+    let channels = case.usual("channels", &[Channels::One, Channels::Three]);
     let format = inputs::target_format(case);
     let pass = case.once((channels, format), |device| {
         TemporalAccumulator::new(device, channels, format, None)
@@ -74,15 +74,14 @@ fn frame(
             Format::Rgba8UnormSrgb,
         ],
     };
-    let picture_format = case.random.one_of(formats);
+    let picture_format = case.usual("picture", formats);
     let brightness = case.random.scale(1e-6, 1e4);
     let picture = inputs::image(case, "picture", picture_format, viewport, |x, y| {
         [0, 1, 2, 3].map(|c| ((x * 7 + y * 3 + c) % 11) as f32 * brightness)
     });
     let motion = case.random.chance(0.4).then(|| {
-        let format =
-            case.random
-                .one_of(&[Format::Rg32Float, Format::Rg16Float, Format::Rgba16Float]);
+        let formats = [Format::Rg32Float, Format::Rg16Float, Format::Rgba16Float];
+        let format = case.usual("motion", &formats);
         inputs::image(case, "motion", format, viewport, |x, y| {
             [(x % 3) as f32 * 0.1, (y % 2) as f32 * -0.1, 0.0, 0.0]
         })

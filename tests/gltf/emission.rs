@@ -6,7 +6,7 @@ use deep_screen_space::scenes::{Material, Scene};
 use image::{ImageFormat, Rgb, RgbImage};
 use serde_json::json;
 
-use crate::files::{File, UNSIGNED_SHORT, assert_sound, square};
+use crate::files::{File, UNSIGNED_SHORT, assert_sound, near_origin, square};
 
 /// A square whose material is this.
 fn of_material(material: serde_json::Value) -> File {
@@ -157,7 +157,7 @@ fn textures_that_cannot_be_read_are_noted() {
         material["pbrMetallicRoughness"] = json!({ "baseColorTexture": { "index": texture }, "baseColorFactor": [0.5, 0.25, 1, 1] });
         texture_coordinates(&mut file, ALL);
         let loaded = file.read().expect("a square");
-        let found = only(&loaded.scene);
+        let found = only(&near_origin(loaded.world));
         assert_close(found.emission, [0.0; 3]);
         assert_close(found.albedo, [0.5, 0.25, 1.0]);
         assert_eq!(loaded.notes.len(), 1, "{:?}", loaded.notes);
@@ -175,7 +175,7 @@ fn textures_that_cannot_be_read_are_noted() {
     );
     file.json["materials"][0]["emissiveTexture"] = json!({ "index": 0 });
     let loaded = file.read().expect("a square");
-    assert_close(only(&loaded.scene).emission, [0.0; 3]);
+    assert_close(only(&near_origin(loaded.world)).emission, [0.0; 3]);
     assert!(loaded.notes[0].contains("texture 0"), "{:?}", loaded.notes);
 }
 
@@ -235,6 +235,19 @@ fn base_colours_are_means_in_linear_light() {
     assert_eq!(of(v(0.75), turned, none()), 1.0);
 }
 
+/// Stored values are sRGB: dark ones are a twelfth of what they say, others a power of it.
+#[test]
+fn textures_are_srgb() {
+    let mut file = of_material(json!({ "emissiveFactor": [1, 1, 1] }));
+    let texture = add_texture(&mut file, &[[10, 128, 255]], ImageFormat::Png);
+    file.json["materials"][0]["emissiveTexture"] = json!({ "index": texture });
+    texture_coordinates(&mut file, ALL);
+    assert_close(
+        only(&file.scene()).emission,
+        [0.003_035_27, 0.215_860_5, 1.0].map(|c| c * PI),
+    );
+}
+
 /// Colours of vertices multiply the base colour; groups of triangles keep their mean.
 #[test]
 fn colours_of_vertices() {
@@ -267,7 +280,7 @@ fn many_colours_become_few_parts() {
     let mean: f32 = colors.iter().map(|c| c[0]).sum::<f32>() / colors.len() as f32;
     let positions = file.floats(&positions);
     let colors = file.floats(&colors);
-    file.show(json!({ "attributes": { "POSITION": positions, "COLOR_0": colors } }));
+    file.show(&json!({ "attributes": { "POSITION": positions, "COLOR_0": colors } }));
     let scene = file.scene();
     assert_sound(&scene);
     assert_eq!(scene.triangle_count(), 3000);

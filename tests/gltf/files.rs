@@ -8,7 +8,10 @@ use deep_screen_space::{
 };
 use serde_json::{Value, json};
 
-use crate::support::gltf::{Loaded, read_gltf};
+use crate::support::{
+    gltf::{Loaded, read_gltf},
+    world::World,
+};
 
 /// Corners of triangles that a test's file may have.
 pub const ROOM: usize = 1 << 16;
@@ -90,7 +93,7 @@ impl File {
     }
 
     /// A node of the scene that shows a mesh of one primitive; returns the node.
-    pub fn show(&mut self, primitive: Value) -> usize {
+    pub fn show(&mut self, primitive: &Value) -> usize {
         let mesh = self.push("meshes", json!({ "primitives": [primitive] }));
         self.node(json!({ "mesh": mesh }))
     }
@@ -119,8 +122,17 @@ impl File {
     }
 
     pub fn scene(&self) -> Scene {
-        self.read().expect("a good file").scene
+        near_origin(self.read().expect("a good file").world)
     }
+}
+
+/// About the world's origin, or about its own middle where it lies far away.
+pub fn near_origin(world: World) -> Scene {
+    let (low, high) = world.bounds();
+    let middle = (low + high) / 2.0;
+    let is_far = middle.length() > 16.0 * (high - low).length();
+    let origin = if is_far { middle.round() } else { DVec3::ZERO };
+    world.relative_to(origin).expect("finite places")
 }
 
 pub fn read(bytes: &[u8]) -> Result<Loaded, String> {
@@ -162,7 +174,7 @@ pub fn square() -> File {
     let positions = file.floats(&CORNERS);
     let normals = file.floats(&[[0.0, 0.0, 1.0]; 4]);
     let indices = file.indices(&SQUARE);
-    file.show(json!({
+    file.show(&json!({
         "attributes": { "POSITION": positions, "NORMAL": normals },
         "indices": indices,
     }));

@@ -5,7 +5,7 @@ use serde_json::json;
 
 use crate::files::{
     BYTE, CORNERS, File, SHORT, SQUARE, UNSIGNED_BYTE, UNSIGNED_INT, UNSIGNED_SHORT, area,
-    assert_sound, square, triangles,
+    assert_sound, near_origin, square, triangles,
 };
 
 /// Five points in a zigzag, and the three triangles of their strip.
@@ -24,7 +24,7 @@ fn of_mode(mode: u32, positions: &[[f32; 3]], indices: Option<&[u16]>) -> File {
     if let Some(indices) = indices {
         primitive["indices"] = json!(file.indices(indices));
     }
-    file.show(primitive);
+    file.show(&primitive);
     file
 }
 
@@ -65,17 +65,17 @@ fn what_makes_no_triangle_is_noted() {
         let mut beside = square();
         let positions = beside.floats(&ZIGZAG);
         for _ in 0..2 {
-            beside.show(json!({ "attributes": { "POSITION": positions }, "mode": mode }));
+            beside.show(&json!({ "attributes": { "POSITION": positions }, "mode": mode }));
         }
         let loaded = beside.read().expect("a square");
-        assert_eq!(loaded.scene.triangle_count(), 2);
+        assert_eq!(near_origin(loaded.world).triangle_count(), 2);
         assert_eq!(
             loaded.notes,
             [format!("a primitive of {what} is left out (2 times)")]
         );
     }
     let loaded = of_mode(4, &ZIGZAG, None).read().expect("a triangle");
-    assert_eq!(loaded.scene.triangle_count(), 1);
+    assert_eq!(near_origin(loaded.world).triangle_count(), 1);
     assert!(
         loaded.notes[0].starts_with("2 indices"),
         "{:?}",

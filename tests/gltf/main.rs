@@ -7,5 +7,6 @@ mod broken;
 mod emission;
 mod files;
 mod geometry;
+mod mutations;
 mod nodes;
 mod uris;

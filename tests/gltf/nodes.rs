@@ -7,7 +7,7 @@ use deep_screen_space::{
 use serde_json::json;
 
 use crate::files::{
-    BYTE, CORNERS, File, SHORT, UNSIGNED_BYTE, area, assert_sound, square, triangles,
+    BYTE, CORNERS, File, SHORT, UNSIGNED_BYTE, area, assert_sound, near_origin, square, triangles,
 };
 
 fn moved(by: [f32; 3]) -> Vec<[[f32; 3]; 3]> {
@@ -63,6 +63,32 @@ fn mirrored_and_flattened_nodes() {
     }
 }
 
+/// A slope of one in one, made four times as long and mirrored: its normal stays square to it, on its front.
+#[test]
+fn stretched_nodes_keep_normals_square() {
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    let mut file = square();
+    let slope = file.floats(&[
+        [0.0, 0.0, 0.0],
+        [1.0, 0.0, -1.0],
+        [1.0, 1.0, -1.0],
+        [0.0, 1.0, 0.0],
+    ]);
+    let normals = file.floats(&[[half, 0.0, half]; 4]);
+    file.json["meshes"][0]["primitives"][0]["attributes"] =
+        json!({ "POSITION": slope, "NORMAL": normals });
+    for stretch in [4.0_f64, -4.0] {
+        file.json["nodes"][0]["scale"] = json!([stretch, 1, 1]);
+        let scene = file.scene();
+        let expected = area(&scene).normalize();
+        assert!((expected.x - stretch.signum() / 17.0_f64.sqrt()).abs() < 1e-6);
+        for normal in &scene.normals {
+            let off = Vec3::from(*normal).as_dvec3() - expected;
+            assert!(off.length() < 1e-6, "{stretch}: {normal:?}, not {expected}");
+        }
+    }
+}
+
 /// Without a list of scenes what no node is above is in the scene, and what is below that.
 #[test]
 fn a_file_without_scenes_shows_all() {
@@ -94,12 +120,9 @@ fn far_scenes_keep_their_digits() {
         json!({ "children": [0], "translation": [16_777_216, -3, 0] }),
     );
     file.json["scenes"][0]["nodes"] = json!([away]);
-    let loaded = file.read().expect("a square");
-    assert!((area(&loaded.scene) - 0.0625 * DVec3::Z).length() < 1e-9);
-    let origin = loaded.origin;
-    let corner = origin + Vec3::from(loaded.scene.positions[0]).as_dvec3();
-    assert_eq!(corner, DVec3::new(16_777_216.0, -3.0, 0.0));
-    assert_eq!(square().read().expect("a square").origin, DVec3::ZERO);
+    let world = file.read().expect("a square").world;
+    assert_eq!(world.positions[0], DVec3::new(16_777_216.0, -3.0, 0.0));
+    assert!((area(&near_origin(world)) - 0.0625 * DVec3::Z).length() < 1e-9);
 }
 
 /// Joints alone place a skinned mesh: where its node is does not matter.
@@ -161,7 +184,7 @@ fn joints_move_skinned_meshes() {
         .expect("an object")
         .retain(|name, _| !name.ends_with("_0"));
     let loaded = file.read().expect("a square");
-    assert_eq!(triangles(&loaded.scene), moved([100.0; 3]));
+    assert_eq!(triangles(&near_origin(loaded.world)), moved([100.0; 3]));
     assert!(loaded.notes[0].contains("no joints"), "{:?}", loaded.notes);
 }
 

@@ -14,3 +14,5 @@ mod harness;
 mod overflow;
 mod repeatability;
 mod size;
+
+mod zoom;

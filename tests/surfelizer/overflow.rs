@@ -1,10 +1,14 @@
 //! More than a cloud can hold.
 
 use deep_screen_space::{
-    CloudCapacity, SurfelizerSettings, reference::surfelizer as mirror, scenes,
+    CloudCapacity, SurfelizerSettings, glam::DVec3, reference::surfelizer as mirror, scenes,
 };
 
-use crate::harness::{Soup, Task, corners, disk_area, fixture, scene_camera};
+use crate::{
+    comparison::compare,
+    harness::{Soup, Task, area, corners, disk_area, fixture, look_at, scene_camera, sphere},
+    support::raster::perspective,
+};
 
 fn setup() -> (Soup, deep_screen_space::Camera) {
     let scene = scenes::stress(4000);
@@ -136,12 +140,76 @@ fn pieces_beyond_capacity_are_counted_and_made_up_for() {
                 "{found}: area {ratio}"
             );
         }
-        let expected = soup.mirrored(&task);
+        let mut expected = soup.mirrored(&task);
+        let off = expected.counts.lost_area_share() - cloud.counts.lost_area_share();
+        // f32's rounding of each piece's area, and of what is below 2^-31 of the largest triangle's.
+        assert!(off.abs() < 1e-5, "{found}: off by {off}");
+        expected.counts.lost_area = cloud.counts.lost_area;
         assert_eq!(expected.counts, cloud.counts);
         for (p, q) in cloud.pieces.iter().zip(&expected.pieces) {
             assert_eq!([p.triangle, p.shape], [q.triangle, q.shape], "{found}");
             let off = corners(p)[0].distance(corners(q)[0]);
             assert!(off < 1e-4, "{found}: {p:?} and {q:?}");
+        }
+    }
+}
+
+/// Where all triangles find room but not all pieces, large triangles are cut less and nothing is lost; beyond that the area
+/// is counted. Each capacity gives the mirror's pieces.
+#[test]
+fn pieces_are_merged_before_any_is_lost() {
+    let camera = look_at(
+        DVec3::new(0.3, 0.4, 0.2),
+        DVec3::new(-0.5, -0.6, -0.1),
+        perspective(60.0, 1.0, 1e-3),
+    );
+    // A ground far larger than the view, before a sphere of fine triangles.
+    let corner = |x: f64, z: f64| DVec3::new(300.0 * x, -0.2, 300.0 * z);
+    let mut triangles = vec![
+        [corner(-1.0, -1.1), corner(-1.2, 1.0), corner(1.0, 1.3)],
+        [corner(-1.0, -1.1), corner(1.0, 1.3), corner(1.1, -1.0)],
+    ];
+    triangles.extend(sphere(DVec3::new(-0.5, 0.4, -0.1), 0.3, 12));
+    let soup = Soup::of(&triangles);
+    let count = soup.0.len() as u32;
+    let mut task = Task::new(&camera, SurfelizerSettings::default());
+    task.settings.density = f32::INFINITY;
+    let asked = fixture().record_soup(&soup, &task).counts.pieces;
+    assert!(asked > 2 * count, "{asked} pieces of {count} triangles");
+    let mut before = 0;
+    for capacity in [
+        1,
+        count / 3,
+        count - 1,
+        count,
+        count + 1,
+        count + 20,
+        (count + asked) / 2,
+        asked - 1,
+        asked,
+    ] {
+        task.capacity.pieces = capacity;
+        let cloud = fixture().record_soup(&soup, &task);
+        let inputs = format!("room for {capacity} pieces: {:?}", cloud.counts);
+        let area = cloud.pieces.iter().map(|p| area(corners(p))).sum::<f64>() / soup.area();
+        let lost = cloud.counts.lost_area_share();
+        println!("{inputs}, area {area:.6}, lost {lost:.6}");
+        assert!((area + lost - 1.0).abs() < 1e-5, "{inputs}: {area}, {lost}");
+        assert_eq!(lost > 0.0, capacity < count, "{inputs}");
+        assert_eq!(cloud.counts.pieces + cloud.counts.merged, asked, "{inputs}");
+        assert!(cloud.counts.pieces >= before, "{inputs}");
+        before = cloud.counts.pieces;
+        assert_eq!(
+            cloud.counts.piece_overflow(task.capacity),
+            count.saturating_sub(capacity)
+        );
+        if capacity >= count {
+            // Disks of a coarse piece before the eye carry the rounding of its far corners.
+            let found = compare(&cloud, &soup.mirrored(&task), 0.05);
+            assert!(
+                found.odd_pieces == 0 && found.far == 0,
+                "{inputs}: {found:?}"
+            );
         }
     }
 }

@@ -44,4 +44,8 @@ struct Counters {
   rejected: Counter,
   // Surfels in the cloud.
   stored: u32,
+  // Pieces fewer than asked for, since large triangles were cut less.
+  merged: u32,
+  // Share of the pieces' area that found no room, in units of 2^-32.
+  lost_area: u32,
 }

@@ -19,6 +19,11 @@ fn contribution(sender: Sender, receiver_normal: vec3f, to_sender: vec3f, distan
   return receiver_side * sender_side / (max(distance2, 1e-30) * (1.0 + ratio / max(sender.radius, 1e-18)));
 }
 
+// The directions below the pixel's own surface: all of the hemisphere about its shading normal that the plane cuts off.
+fn own_surface(cosine: f32) -> f32 {
+  return select(0.5 - 0.5 * cosine, -log(0.5 + 0.5 * cosine), OVERLAP == 1u);
+}
+
 fn resolve(sum: f32, albedo: vec3f) -> vec4f {
   let visibility = select(1.0 - sum, exp(-sum), OVERLAP == 1u);
   return vec4f(vec3f(clamp(visibility, 0.0, 1.0)), 1.0);

@@ -21,8 +21,8 @@ pub struct FileCamera {
     pub near: f64,
 }
 
-/// The perspective cameras, relative to an origin.
-pub fn cameras(file: &File<'_>, origin: DVec3) -> Result<Vec<FileCamera>, String> {
+/// The perspective cameras.
+pub fn cameras(file: &File<'_>) -> Result<Vec<FileCamera>, String> {
     let mut cameras = Vec::new();
     for &index in &file.nodes.visible {
         let node = file.node(index)?;
@@ -45,8 +45,8 @@ pub fn cameras(file: &File<'_>, origin: DVec3) -> Result<Vec<FileCamera>, String
         };
         cameras.push(FileCamera {
             name,
-            eye: eye - origin,
-            target: eye - origin + ahead,
+            eye,
+            target: eye + ahead,
             up,
             vertical_fov_degrees: f64::from(lens.yfov).to_degrees(),
             near: f64::from(lens.znear),
@@ -55,16 +55,15 @@ pub fn cameras(file: &File<'_>, origin: DVec3) -> Result<Vec<FileCamera>, String
     Ok(cameras)
 }
 
-/// The lights, relative to an origin. Their units are taken as those of radiometry: lux as W/m², candela as W/sr.
-pub fn lights(file: &File<'_>, origin: DVec3) -> Result<Vec<Light>, String> {
+/// The lights. Their units are taken as those of radiometry: lux as W/m², candela as W/sr.
+pub fn lights(file: &File<'_>) -> Result<Vec<Light>, String> {
     let mut lights = Vec::new();
     for &index in &file.nodes.visible {
         let node = file.node(index)?;
         let Some(light) = node.light() else {
             continue;
         };
-        let [place, ahead, _] = frame(file.nodes.to_world[index]);
-        let position = place - origin;
+        let [position, ahead, _] = frame(file.nodes.to_world[index]);
         let bright = light.color().map(|c| c * light.intensity());
         let light = match light.kind() {
             Kind::Directional => Light::Directional {

@@ -21,6 +21,8 @@ use deep_screen_space::{
     glam::{DMat4, DVec3},
     scenes::{Part, Scene},
 };
+
+use super::world::{World, bounds};
 pub use lights::FileCamera;
 
 use buffers::Buffers;
@@ -32,18 +34,12 @@ use primitives::Shape;
 /// Corners of triangles that a scene may have, all instances together: 44 million triangles.
 const MAX_CORNERS: usize = 1 << 27;
 
-/// How many of its own sizes a scene may lie away from its origin before the origin is moved.
-const FAR: f64 = 16.0;
-
 /// A scene and what else its file holds.
 pub struct Loaded {
-    /// Positions are relative to `origin`.
-    pub scene: Scene,
-    /// Where the file has the scene's origin: not zero for what lies so far away that `f32` would lose its digits.
-    pub origin: DVec3,
-    /// Perspective cameras of the file, relative to `origin`.
+    pub world: World,
+    /// Perspective cameras of the file.
     pub cameras: Vec<FileCamera>,
-    /// Lights of the file, relative to `origin`.
+    /// Lights of the file.
     pub lights: Vec<Light>,
     /// What was left out, a line each.
     pub notes: Vec<String>,
@@ -52,8 +48,7 @@ pub struct Loaded {
 impl From<Scene> for Loaded {
     fn from(scene: Scene) -> Self {
         Self {
-            scene,
-            origin: DVec3::ZERO,
+            world: scene.into(),
             cameras: Vec::new(),
             lights: Vec::new(),
             notes: Vec::new(),
@@ -99,7 +94,7 @@ fn read(bytes: &[u8], folder: &Path, room: usize) -> Result<Loaded, String> {
         nodes: &nodes,
         notes: &notes,
     };
-    let mut world = World::new(room);
+    let mut triangles = Triangles::new(room);
     let wanted = count_corners(&file, room)?;
     if wanted > room {
         return Err(format!(
@@ -107,19 +102,15 @@ fn read(bytes: &[u8], folder: &Path, room: usize) -> Result<Loaded, String> {
         ));
     }
     for &index in &nodes.visible {
-        draw(&file, index, &mut world)?;
+        draw(&file, index, &mut triangles)?;
     }
-    if world.indices.is_empty() {
+    if triangles.indices.is_empty() {
         return Err(format!("nothing to draw: {}", why_nothing(&file)));
     }
-    let origin = world.origin();
-    let cameras = lights::cameras(&file, origin)?;
-    let lights = lights::lights(&file, origin)?;
     Ok(Loaded {
-        scene: world.scene(origin)?,
-        origin,
-        cameras,
-        lights,
+        world: triangles.finish()?,
+        cameras: lights::cameras(&file)?,
+        lights: lights::lights(&file)?,
         notes: notes.lines(),
     })
 }
@@ -216,15 +207,15 @@ fn count_corners(file: &File<'_>, room: usize) -> Result<usize, String> {
 }
 
 /// Adds what a node shows.
-fn draw(file: &File<'_>, index: usize, world: &mut World) -> Result<(), String> {
+fn draw(file: &File<'_>, index: usize, triangles: &mut Triangles) -> Result<(), String> {
     let node = file.node(index)?;
     let Some(mesh) = node.mesh() else {
         return Ok(());
     };
-    let instances = file.nodes.instances(file, &node, world.room())?;
+    let instances = file.nodes.instances(file, &node, triangles.room())?;
     for primitive in mesh.primitives() {
         let place = format!("mesh {}, primitive {}", mesh.index(), primitive.index());
-        let shape = primitives::read(file, &node, &mesh, &primitive, world.room())
+        let shape = primitives::read(file, &node, &mesh, &primitive, triangles.room())
             .map_err(|e| format!("{place}: {e}"))?;
         let Some(shape) = shape else {
             continue;
@@ -236,7 +227,7 @@ fn draw(file: &File<'_>, index: usize, world: &mut World) -> Result<(), String> 
             } else {
                 instance
             };
-            world
+            triangles
                 .add(&shape, to_world)
                 .map_err(|e| format!("node {index}, {place}: {e}"))?;
         }
@@ -245,7 +236,7 @@ fn draw(file: &File<'_>, index: usize, world: &mut World) -> Result<(), String> 
 }
 
 /// Triangles in world space.
-struct World {
+struct Triangles {
     positions: Vec<DVec3>,
     normals: Vec<[f32; 3]>,
     indices: Vec<u32>,
@@ -254,7 +245,7 @@ struct World {
     most: usize,
 }
 
-impl World {
+impl Triangles {
     fn new(room: usize) -> Self {
         Self {
             positions: Vec::new(),
@@ -297,39 +288,23 @@ impl World {
         Ok(())
     }
 
-    /// Zero, or a place in the middle of what lies far from it.
-    fn origin(&self) -> DVec3 {
-        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for &p in &self.positions {
-            low = low.min(p);
-            high = high.max(p);
-        }
-        let middle = (low + high) / 2.0;
-        if middle.length() > FAR * (high - low).length() {
-            middle.round()
-        } else {
-            DVec3::ZERO
-        }
-    }
-
-    fn scene(self, origin: DVec3) -> Result<Scene, String> {
-        let positions: Vec<[f32; 3]> = self
-            .positions
-            .iter()
-            .map(|&p| (p - origin).as_vec3().to_array())
-            .collect();
-        if positions.as_flattened().iter().any(|c| !c.is_finite()) {
+    fn finish(self) -> Result<World, String> {
+        let (low, high) = bounds(self.positions.iter().copied());
+        if !(low.as_vec3().is_finite() && high.as_vec3().is_finite()) {
             return Err("a position is beyond what f32 can say".into());
         }
-        Ok(Scene {
-            name: "gltf",
-            positions,
-            normals: self.normals,
-            indices: self.indices,
-            parts: self.parts,
-            materials: self.materials.list,
-            views: Vec::new(),
-            ao_radius: f32::INFINITY,
+        Ok(World {
+            scene: Scene {
+                name: "gltf",
+                positions: Vec::new(),
+                normals: self.normals,
+                indices: self.indices,
+                parts: self.parts,
+                materials: self.materials.list,
+                views: Vec::new(),
+                ao_radius: f32::INFINITY,
+            },
+            positions: self.positions,
         })
     }
 }

@@ -1,0 +1,419 @@
+//! Memory while what belongs to a view is made, recorded and dropped over and over, as an engine does that resizes its window
+//! or changes its scene: it stays where it is, pass by pass.
+//!
+//! `DSS_SOAK_CYCLES` is how many cycles each pass has. Linux alone tells how much memory a process has.
+#![cfg(target_os = "linux")]
+
+mod shot;
+
+#[path = "../examples/support/mod.rs"]
+mod support;
+
+use deep_screen_space::{
+    AmbientOcclusion, BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, Channels,
+    CloudCapacity, ClusterInput, Components, DiskSamples, Error, Gatherer, Geometry,
+    HitReconstructor, HitReconstructorDescriptor, HitReconstructorInput, HitReconstructorSettings,
+    Light, MultiResMask, MultiResMaskInput, MultiResMaskSettings, MultiResReconstructor,
+    MultiResReconstructorInput, MultiResReconstructorSettings, ObscuranceInput, ObscuranceSampling,
+    ObscuranceSettings, ObscuranceVolume, Payload, Reconstructor, ReconstructorInput,
+    ReconstructorSettings, Sampling, ScreenSpaceGi, ScreenSpaceGiInput, ScreenSpaceGiSettings,
+    SgHull, SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize, ShadedLight, Shadow,
+    ShadowMap, ShellSplatter, ShellSplatterDescriptor, SoftShadows, SoftShadowsInput,
+    SoftShadowsSettings, SplatInput, SplatSettings, SurfelShader, SurfelShaderInput,
+    SurfelShaderSettings, Surfelizer, SurfelizerInput, SurfelizerSettings, TemporalAccumulator,
+    TemporalInput, TemporalSettings, VolumetricObscurance, VolumetricObscuranceDescriptor,
+    glam::DVec3,
+    scenes,
+    wgpu::{CommandEncoder, TextureFormat as Format},
+};
+use shot::{Shot, camera_of};
+use support::gpu::{Ask, Gpu};
+
+const SIDE: u32 = 24;
+
+/// Resident memory of the process, bytes.
+fn resident() -> f64 {
+    let statm = std::fs::read_to_string("/proc/self/statm").expect("a Linux process");
+    let pages = statm.split(' ').nth(1).and_then(|n| n.parse::<f64>().ok());
+    4096.0 * pages.expect("a number of pages")
+}
+
+struct Soak<'a> {
+    gpu: &'a Gpu,
+    cycles: u32,
+    failed: Vec<String>,
+}
+
+impl Soak<'_> {
+    /// Runs a pass's cycles, after as many as it takes for pools and caches to fill.
+    fn pass(
+        &mut self,
+        name: &str,
+        mut cycle: impl FnMut(&mut CommandEncoder) -> Result<(), Error>,
+    ) {
+        let mut run = |count| {
+            for _ in 0..count {
+                let mut encoder = self.gpu.encoder();
+                cycle(&mut encoder).expect("what is right is accepted");
+                self.gpu.finish(encoder);
+            }
+        };
+        run(self.cycles.clamp(50, 500));
+        let before = resident();
+        run(self.cycles);
+        let grown = (resident() - before) / 1e6;
+        println!(
+            "{name:<16} {grown:8.2} MB in {} cycles, {:.3} a thousand",
+            self.cycles,
+            1e3 * grown / f64::from(self.cycles)
+        );
+        // Pages that allocators keep, and what they fragment.
+        if grown > 4.0 + 0.004 * f64::from(self.cycles) {
+            self.failed.push(format!("{name} {grown} MB"));
+        }
+    }
+}
+
+#[test]
+fn memory_stays() {
+    let gpu = Gpu::open(Ask::from_env()).expect("a graphics adapter; scripts/test.sh installs one");
+    println!("{}", gpu.name());
+    let cycles = std::env::var("DSS_SOAK_CYCLES").map_or(100, |n| n.parse().expect("a number"));
+    let mut soak = Soak {
+        gpu: &gpu,
+        cycles,
+        failed: Vec::new(),
+    };
+    let device = &gpu.device;
+    let scene = scenes::cornell();
+    let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, [SIDE; 2]));
+    let camera = &shot.camera;
+    let gbuffer = shot.lit_gbuffer();
+    let meshes = shot.buffers.meshes();
+    let surfelizer = Surfelizer::new(device, None).expect("pipelines");
+    let capacity = CloudCapacity {
+        surfels: 4096,
+        pieces: 4096,
+        triangles: 4096,
+    };
+    let input = SurfelizerInput {
+        geometry: Geometry { meshes: &meshes },
+        camera,
+        cull_by: &[],
+        timestamps: None,
+    };
+    let settings = SurfelizerSettings::default();
+    soak.pass("surfels", |encoder| {
+        let mut cloud = surfelizer.create_cloud(device, capacity)?;
+        surfelizer.record(device, encoder, &input, &settings, &mut cloud)
+    });
+
+    // What the others work on.
+    let mut cloud = surfelizer.create_cloud(device, capacity).expect("a cloud");
+    let mut encoder = gpu.encoder();
+    surfelizer
+        .record(device, &mut encoder, &input, &settings, &mut cloud)
+        .expect("surfels");
+    let bounced = BouncedDescriptor {
+        payload: Payload::Occlusion,
+        ..BouncedDescriptor::default()
+    };
+    let tracer = BouncedZBuffer::new(device, &bounced, None).expect("pipelines");
+    let mut bounds = tracer.create_bounds(device, &cloud).expect("bounds");
+    tracer
+        .record_bounds(device, &mut encoder, &cloud, &mut bounds, None)
+        .expect("bounds");
+    let shader = SurfelShader::new(device, None).expect("pipelines");
+    let lamp = Light::Point {
+        position: DVec3::new(0.5, 0.9, 0.5),
+        intensity: [1.0; 3],
+    };
+    let lights = [ShadedLight {
+        light: lamp,
+        shadow: Shadow::Traced(&bounds),
+    }];
+    soak.pass("lit surfels", |encoder| {
+        let input = SurfelShaderInput {
+            cloud: &cloud,
+            materials: &shot.buffers.materials,
+            lights: &lights,
+            radiance: &shader.create_radiance(device, &cloud)?,
+            timestamps: None,
+        };
+        shader.record(device, encoder, &input, &SurfelShaderSettings::default())
+    });
+
+    let effect = AmbientOcclusion::default().effect();
+    let descriptor = ShellSplatterDescriptor {
+        effect: &effect,
+        subgroups: false,
+        statistics: false,
+        cache: None,
+    };
+    let splatter = ShellSplatter::new(device, &descriptor).expect("pipelines");
+    let splat = SplatSettings::default();
+    let levels = splat.levels;
+    let input = ClusterInput {
+        cloud: &cloud,
+        materials: None,
+        timestamps: None,
+    };
+    soak.pass("clusters", |encoder| {
+        let mut clusters = splatter.create_clusters(device, &cloud, levels)?;
+        splatter.record_clusters(device, encoder, &input, &splat, &mut clusters)
+    });
+    let mut clusters = splatter
+        .create_clusters(device, &cloud, levels)
+        .expect("clusters");
+    splatter
+        .record_clusters(device, &mut encoder, &input, &splat, &mut clusters)
+        .expect("clusters");
+    let input = SplatInput {
+        gbuffer,
+        camera,
+        cloud: &cloud,
+        clusters: &clusters,
+        materials: None,
+        work: None,
+        timestamps: None,
+    };
+    soak.pass("splats", |encoder| {
+        let mut sums = splatter.create_view(device, SIDE, SIDE, levels)?;
+        splatter.record(device, encoder, &input, &splat, &mut sums)
+    });
+    let mut sums = splatter
+        .create_view(device, SIDE, SIDE, levels)
+        .expect("a view");
+    splatter
+        .record(device, &mut encoder, &input, &splat, &mut sums)
+        .expect("sums");
+    let format = Format::R32Float;
+    let reconstructor = Reconstructor::new(device, &effect, format, None).expect("pipelines");
+    let target = gpu.storage(format, SIDE, SIDE);
+    let target = target.texture();
+    let input = ReconstructorInput {
+        gbuffer,
+        camera,
+        cloud: &cloud,
+        sums: &sums,
+        levels,
+        sub_image: None,
+        target: target.into(),
+        timestamps: None,
+    };
+    soak.pass("reconstructor", |encoder| {
+        let scratch = reconstructor.create_view(device, SIDE, SIDE, levels)?;
+        let settings = ReconstructorSettings::default();
+        reconstructor.record(device, encoder, &input, &settings, &scratch)
+    });
+
+    soak.pass("bounds", |encoder| {
+        let mut bounds = tracer.create_bounds(device, &cloud)?;
+        tracer.record_bounds(device, encoder, &cloud, &mut bounds, None)
+    });
+    let traced = BouncedSettings::default();
+    let input = BouncedInput {
+        gbuffer,
+        camera,
+        cloud: &cloud,
+        bounds: &bounds,
+        radiance: None,
+        lighting: None,
+        roughness: None,
+        timestamps: None,
+    };
+    soak.pass("rays", |encoder| {
+        let mut hits = tracer.create_view(device, SIDE, SIDE, traced.directions)?;
+        tracer.record(device, encoder, &input, &traced, &mut hits)
+    });
+    let mut hits = tracer
+        .create_view(device, SIDE, SIDE, traced.directions)
+        .expect("a view");
+    tracer
+        .record(device, &mut encoder, &input, &traced, &mut hits)
+        .expect("hits");
+    let descriptor = HitReconstructorDescriptor {
+        payload: Payload::Occlusion,
+        sampling: Sampling::Cosine,
+        deferred: false,
+        target: format,
+    };
+    let gatherer = HitReconstructor::new(device, &descriptor, None).expect("pipelines");
+    let input = HitReconstructorInput {
+        gbuffer,
+        roughness: None,
+        camera,
+        cloud: &cloud,
+        hits: &hits,
+        traced: &traced,
+        target: target.into(),
+        timestamps: None,
+    };
+    soak.pass("hits", |encoder| {
+        let means = gatherer.create_view(device, SIDE, SIDE)?;
+        let settings = HitReconstructorSettings::default();
+        gatherer.record(device, encoder, &input, &settings, &means)
+    });
+    gpu.finish(encoder);
+    screen_passes(&mut soak, &shot);
+    hulls(&mut soak, &shot, lamp);
+    assert!(soak.failed.is_empty(), "memory grew: {:?}", soak.failed);
+}
+
+fn screen_passes(soak: &mut Soak<'_>, shot: &Shot) {
+    let gpu = soak.gpu;
+    let device = &gpu.device;
+    let (camera, gbuffer) = (&shot.camera, shot.lit_gbuffer());
+    let mask = MultiResMask::new(device, None).expect("pipelines");
+    let settings = MultiResMaskSettings::OCCLUSION;
+    let input = MultiResMaskInput {
+        gbuffer,
+        camera,
+        shading: None,
+        edges: None,
+        importance: None,
+        timestamps: None,
+    };
+    for (name, stencils) in [("mask", false), ("mask, stencils", true)] {
+        soak.pass(name, |encoder| {
+            let mut masks = mask.create_view(device, SIDE, SIDE, stencils)?;
+            mask.record(device, encoder, &input, &settings, &mut masks)
+        });
+    }
+    let mut masks = mask.create_view(device, SIDE, SIDE, false).expect("a view");
+    let mut encoder = gpu.encoder();
+    mask.record(device, &mut encoder, &input, &settings, &mut masks)
+        .expect("masks");
+    gpu.finish(encoder);
+    let format = Format::R32Float;
+    let target = gpu.storage(format, SIDE, SIDE);
+    let target = target.texture().into();
+    let blend = MultiResReconstructor::new(device, Channels::One, format, None).expect("pipelines");
+    soak.pass("blend", |encoder| {
+        let images = blend.create_images(device, SIDE, SIDE, &settings)?;
+        let input = MultiResReconstructorInput {
+            gbuffer,
+            camera,
+            masks: &masks,
+            images: &images,
+            target,
+            timestamps: None,
+        };
+        let settings = MultiResReconstructorSettings::default();
+        blend.record(device, encoder, &input, &settings)
+    });
+    let shadows = SoftShadows::new(device, None).expect("pipelines");
+    let light = Light::Point {
+        position: camera.eye(),
+        intensity: [1.0; 3],
+    };
+    let input = SoftShadowsInput {
+        gbuffer,
+        camera,
+        light: &light,
+        map: ShadowMap::new(gbuffer.depth, std::slice::from_ref(camera)),
+        work: masks.work(0),
+        target,
+        timestamps: None,
+    };
+    soak.pass("soft shadows", |encoder| {
+        shadows.record(device, encoder, &input, &SoftShadowsSettings::default())
+    });
+    let bounce = ScreenSpaceGi::new(device, None).expect("pipelines");
+    let colors = gpu.storage(Format::Rgba16Float, SIDE, SIDE);
+    let input = ScreenSpaceGiInput {
+        gbuffer,
+        camera,
+        lit: shot.albedo.texture().into(),
+        work: None,
+        target: colors.texture().into(),
+        timestamps: None,
+    };
+    soak.pass("screen-space gi", |encoder| {
+        bounce.record(device, encoder, &input, &ScreenSpaceGiSettings::default())
+    });
+    let descriptor = VolumetricObscuranceDescriptor {
+        sampling: ObscuranceSampling::Areas(DiskSamples::Five),
+        volume: ObscuranceVolume::Sphere,
+        cache: None,
+    };
+    let obscurance = VolumetricObscurance::new(device, &descriptor).expect("pipelines");
+    soak.pass("obscurance", |encoder| {
+        let mut moments = obscurance.create_moments(device, SIDE, SIDE)?;
+        obscurance.record_moments(device, encoder, gbuffer.depth, camera, &mut moments, None)?;
+        let input = ObscuranceInput {
+            depth: gbuffer.depth,
+            normals: None,
+            camera,
+            moments: Some(&moments),
+            work: None,
+            target,
+            timestamps: None,
+        };
+        obscurance.record(device, encoder, &input, &ObscuranceSettings::default())
+    });
+    let frames =
+        TemporalAccumulator::new(device, Channels::Three, format, None).expect("pipelines");
+    let input = TemporalInput {
+        gbuffer,
+        camera,
+        previous_camera: camera,
+        motion: None,
+        picture: shot.albedo.texture().into(),
+        target,
+        reset: false,
+        timestamps: None,
+    };
+    soak.pass("frames", |encoder| {
+        let mut history = frames.create_history(device, SIDE, SIDE)?;
+        frames.record(
+            device,
+            encoder,
+            &input,
+            &TemporalSettings::default(),
+            &mut history,
+        )
+    });
+}
+
+fn hulls(soak: &mut Soak<'_>, shot: &Shot, lamp: Light) {
+    let gpu = soak.gpu;
+    let device = &gpu.device;
+    let camera = &shot.camera;
+    let gatherer = Gatherer::lights(device);
+    let descriptor = SgHullDescriptor {
+        gatherer: &gatherer,
+        target: Format::Rgba16Float,
+        albedo: false,
+        glossy: false,
+        components: Components::default(),
+        cache: None,
+    };
+    let hull = SgHull::new(device, &descriptor).expect("pipelines");
+    let target = gpu.target(Format::Rgba16Float, SIDE, SIDE);
+    let size = SgHullSize {
+        segments: 512,
+        splits: 256,
+        ..SgHullSize::new(SIDE, SIDE)
+    };
+    soak.pass("hull", |encoder| {
+        let mut view = hull.create_view(device, size)?;
+        let lights = gatherer.bind_lights(device, &[lamp], camera.eye())?;
+        let input = SgHullInput {
+            gbuffer: shot.lit_gbuffer(),
+            camera,
+            origin: camera.eye(),
+            gather: Some(&lights),
+            roughness: None,
+            target: target.texture().into(),
+            timestamps: None,
+        };
+        hull.record(
+            device,
+            encoder,
+            &input,
+            &SgHullSettings::default(),
+            &mut view,
+        )
+    });
+}
