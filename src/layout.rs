@@ -6,7 +6,10 @@ use crate::{
     AmbientOcclusion, Channels, Effect, Material, Piece, PolygonLight, SurfelCounts,
     SurfelRadiance, SurfelSource,
     bounced_z_buffer::params::{BouncedParams, DiskParams, LightsParams},
-    bvh::{disks::DiskBoundsParams, triangles::BvhParams},
+    bvh::{
+        disks::DiskBoundsParams,
+        triangles::{BINARY_NODE_BYTES, BvhParams, STATE_BYTES, TASK_BYTES},
+    },
     camera::CameraParams,
     depth_moments::DepthMomentsParams,
     gpu::sort::SortParams,
@@ -233,7 +236,14 @@ fn structs_match_the_shaders() {
     let bvh = fields!(BvhParams: capacity, level, threads);
     for stage in ["bvh_order", "bvh_cluster", "bvh_collapse"] {
         check(&ao, stage, "Params", &bvh, size_of::<BvhParams>());
+        assert_eq!(reflect(&ao, stage, "State").1, STATE_BYTES as usize);
+        assert_eq!(
+            reflect(&ao, stage, "BinaryNode").1,
+            BINARY_NODE_BYTES as usize
+        );
     }
+    let task = reflect(&ao, "bvh_collapse", "Task").1;
+    assert_eq!(task, TASK_BYTES as usize);
     let disk_bounds = fields!(DiskBoundsParams: level, depth, capacity, level_first);
     check(
         &ao,

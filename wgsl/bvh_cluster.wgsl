@@ -56,27 +56,33 @@ var<workgroup> heights: array<u32, 256>;
 var<workgroup> stays: array<atomic<u32>, 8>;
 var<workgroup> active_clusters: u32;
 
-fn box_at(i: u32) -> Box {
-  return Box(lows[i].xyz, highs[i].xyz);
-}
-
-// The cluster that makes the smallest box with cluster i. Of equally small ones that whose index differs in the lowest bits:
-// it would choose cluster i as well.
-fn nearest_neighbor(i: u32, count: u32, limit: u32) -> u32 {
-  let own = box_at(i);
-  var best = i;
-  var least = 0xffffffffu;
-  for (var j = max(i, RADIUS) - RADIUS; j < min(i + RADIUS + 1u, count); j++) {
-    if j != i && heights[j] < limit {
+// Of each of four successive clusters the one that makes the smallest box with it, or itself where none may. Of equally small
+// boxes that whose index differs in the lowest bits counts: it would choose the same.
+fn nearest_neighbors(first: u32, count: u32, limit: u32) -> vec4u {
+  let own = vec4u(first) + vec4u(0u, 1u, 2u, 3u);
+  let lowest = transpose(mat4x3f(lows[own.x].xyz, lows[own.y].xyz, lows[own.z].xyz, lows[own.w].xyz));
+  let highest = transpose(mat4x3f(highs[own.x].xyz, highs[own.y].xyz, highs[own.z].xyz, highs[own.w].xyz));
+  var best = own;
+  var least = vec4u(0xffffffffu);
+  // What each of the four may choose is loaded once for all: loads from workgroup memory are what takes the time.
+  for (var j = max(first, RADIUS) - RADIUS; j < min(first + 4u + RADIUS, count); j++) {
+    if heights[j] < limit {
+      let low = lows[j].xyz;
+      let high = highs[j].xyz;
+      let x = min(max(highest[0], vec4f(high.x)) - min(lowest[0], vec4f(low.x)), vec4f(FAR));
+      let y = min(max(highest[1], vec4f(high.y)) - min(lowest[1], vec4f(low.y)), vec4f(FAR));
+      let z = min(max(highest[2], vec4f(high.z)) - min(lowest[2], vec4f(low.z)), vec4f(FAR));
       // Bits of floats that are not negative have the floats' order.
-      let area = bitcast<u32>(half_area(union_of(own, box_at(j))));
-      if area < least || (area == least && (i ^ j) < (i ^ best)) {
-        least = area;
-        best = j;
-      }
+      let area = bitcast<vec4u>(x * y + y * z + z * x);
+      let other = vec4u(j);
+      let is_in_reach = (own != other) & (own + RADIUS >= other) & (other + RADIUS >= own);
+      let is_less = (area < least) | ((area == least) & ((own ^ other) < (own ^ best)));
+      best = select(best, other, is_in_reach & is_less);
+      least = select(least, area, is_in_reach & is_less);
     }
   }
-  return best;
+  let is_open = vec4u(heights[own.x], heights[own.y], heights[own.z], heights[own.w]) < vec4u(limit);
+  return select(own, best, is_open);
 }
 
 // Puts a cluster that is read from outside into its place.
@@ -87,7 +93,7 @@ fn load_cluster(thread: u32, reference: u32, place: u32) {
   var height = 0u;
   if (reference & LEAF) != 0u {
     let piece = pieces[reference & ~LEAF];
-    box = box_of(piece, vec3f(from_ordered(state.bounds[0]), from_ordered(state.bounds[1]), from_ordered(state.bounds[2])));
+    box = box_of(piece, lowest_of(vec3u(state.bounds[0], state.bounds[1], state.bounds[2])));
     area = area_of(piece);
   } else {
     let node = binary[reference];
@@ -102,10 +108,26 @@ fn load_cluster(thread: u32, reference: u32, place: u32) {
   heights[thread] = height;
 }
 
-@compute @workgroup_size(256)
+// How many of the clusters that stay come before one.
+fn place_of(i: u32) -> u32 {
+  var before = 0u;
+  for (var word = 0u; word < i / 32u; word++) {
+    before += countOneBits(atomicLoad(&stays[word]));
+  }
+  return before + countOneBits(atomicLoad(&stays[i / 32u]) & ((1u << (i % 32u)) - 1u));
+}
+
+fn number_that_stay() -> u32 {
+  return place_of(BLOCK - 1u) + (atomicLoad(&stays[7]) >> 31u);
+}
+
+// A thread has four clusters that follow each other.
+const CLUSTERS_A_THREAD: u32 = 4u;
+
+@compute @workgroup_size(64)
 fn cluster(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) thread: u32) {
   let block = linear_workgroup(workgroup);
-  let at = block * BLOCK + thread;
+  let first = thread * CLUSTERS_A_THREAD;
   // Blocks of this level: the last one goes on until there is one root.
   var blocks = (state.count + BLOCK - 1u) / BLOCK;
   var blocks_below = 0u;
@@ -114,109 +136,112 @@ fn cluster(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_in
     blocks = (blocks + 3u) / 4u;
   }
   let goal = select(BLOCK_LEFT, 1u, blocks == 1u);
-  var id = vec2u(NO_NODE, 0u);
-  if params.level == 0u {
-    if at < state.count {
-      id = vec2u(items[at].y | LEAF, at);
-    }
-  } else if at / BLOCK_LEFT < blocks_below {
-    id = clusters_below[at];
-  }
-  // What is missing is in between: the four blocks' clusters close up.
   if thread < 8u {
     atomicStore(&stays[thread], 0u);
   }
   workgroupBarrier();
-  let filled = id.x != NO_NODE;
-  if filled {
-    atomicOr(&stays[thread / 32u], 1u << (thread % 32u));
+  var found: array<vec2u, 4>;
+  for (var k = 0u; k < CLUSTERS_A_THREAD; k++) {
+    let i = first + k;
+    let at = block * BLOCK + i;
+    found[k] = vec2u(NO_NODE, 0u);
+    if params.level == 0u {
+      if at < state.count {
+        found[k] = vec2u(items[at].y | LEAF, at);
+      }
+    } else if at / BLOCK_LEFT < blocks_below {
+      found[k] = clusters_below[at];
+    }
+    if found[k].x != NO_NODE {
+      atomicOr(&stays[i / 32u], 1u << (i % 32u));
+    }
   }
   workgroupBarrier();
-  var before = 0u;
-  var total = 0u;
-  for (var word = 0u; word < 8u; word++) {
-    let bits = atomicLoad(&stays[word]);
-    total += countOneBits(bits);
-    let mask = select(select(0u, 0xffffffffu, word < thread / 32u), (1u << (thread % 32u)) - 1u, word == thread / 32u);
-    before += countOneBits(bits & mask);
-  }
-  if filled {
-    load_cluster(before, id.x, id.y);
+  // What is missing is in between: the four blocks' clusters close up.
+  var next = place_of(first);
+  for (var k = 0u; k < CLUSTERS_A_THREAD; k++) {
+    if found[k].x != NO_NODE {
+      load_cluster(next, found[k].x, found[k].y);
+      next++;
+    }
   }
   if thread == 0u {
-    active_clusters = total;
+    active_clusters = number_that_stay();
   }
   let limit = height_limit(params.level);
   var in_pairs = false;
+  var left = 0u;
   loop {
     let count = workgroupUniformLoad(&active_clusters);
+    left = count;
     if count <= goal {
       break;
     }
-    let is_active = thread < count;
-    if is_active {
-      var partner = thread;
-      if in_pairs {
-        partner = select(thread ^ 1u, thread, (thread ^ 1u) >= count);
-      } else if heights[thread] < limit {
-        partner = nearest_neighbor(thread, count, limit);
+    if first < count {
+      var chosen = vec4u(first) + vec4u(1u, 0u, 3u, 2u);
+      if !in_pairs {
+        chosen = nearest_neighbors(first, count, limit);
       }
-      partners[thread] = partner;
+      for (var k = 0u; k < CLUSTERS_A_THREAD; k++) {
+        partners[first + k] = select(first + k, chosen[k], chosen[k] < count);
+      }
     }
     if thread < 8u {
       atomicStore(&stays[thread], 0u);
     }
     workgroupBarrier();
-    var low = vec4f(0.0);
-    var high = vec4f(0.0);
-    var own = vec2u(NO_NODE, 0u);
-    var height = 0u;
-    var stay = false;
-    if is_active {
-      low = lows[thread];
-      high = highs[thread];
-      own = ids[thread];
-      height = heights[thread];
-      let partner = partners[thread];
-      let mutual = partner != thread && partners[partner] == thread;
-      stay = !mutual || thread < partner;
-      if mutual && stay {
-        let other = ids[partner];
-        low = vec4f(min(low.xyz, lows[partner].xyz), low.w + lows[partner].w);
-        high = vec4f(max(high.xyz, highs[partner].xyz), high.w + highs[partner].w);
-        height = max(height, heights[partner]) + 1u;
-        binary[own.y] = BinaryNode(low.xyz, own.x, high.xyz, other.x, u32(high.w), low.w, height, 0u);
-        own = vec2u(own.y, other.y);
-      }
-      if stay {
-        atomicOr(&stays[thread / 32u], 1u << (thread % 32u));
+    var low: array<vec4f, 4>;
+    var high: array<vec4f, 4>;
+    var own: array<vec2u, 4>;
+    var height: array<u32, 4>;
+    var stay: array<bool, 4>;
+    for (var k = 0u; k < CLUSTERS_A_THREAD; k++) {
+      let i = first + k;
+      stay[k] = false;
+      if i < count {
+        let partner = partners[i];
+        let mutual = partner != i && partners[partner] == i;
+        stay[k] = !mutual || i < partner;
+        if stay[k] {
+          low[k] = lows[i];
+          high[k] = highs[i];
+          own[k] = ids[i];
+          height[k] = heights[i];
+          if mutual {
+            let other = ids[partner];
+            low[k] = vec4f(min(low[k].xyz, lows[partner].xyz), low[k].w + lows[partner].w);
+            high[k] = vec4f(max(high[k].xyz, highs[partner].xyz), high[k].w + highs[partner].w);
+            height[k] = max(height[k], heights[partner]) + 1u;
+            let node = own[k];
+            binary[node.y] = BinaryNode(low[k].xyz, node.x, high[k].xyz, other.x, u32(high[k].w), low[k].w, height[k], 0u);
+            own[k] = vec2u(node.y, other.y);
+          }
+          atomicOr(&stays[i / 32u], 1u << (i % 32u));
+        }
       }
     }
     workgroupBarrier();
-    var place = 0u;
-    var left = 0u;
-    for (var word = 0u; word < 8u; word++) {
-      let bits = atomicLoad(&stays[word]);
-      left += countOneBits(bits);
-      let mask = select(select(0u, 0xffffffffu, word < thread / 32u), (1u << (thread % 32u)) - 1u, word == thread / 32u);
-      place += countOneBits(bits & mask);
+    var place = place_of(first);
+    for (var k = 0u; k < CLUSTERS_A_THREAD; k++) {
+      if stay[k] {
+        lows[place] = low[k];
+        highs[place] = high[k];
+        ids[place] = own[k];
+        heights[place] = height[k];
+        place++;
+      }
     }
-    if stay {
-      lows[place] = low;
-      highs[place] = high;
-      ids[place] = own;
-      heights[place] = height;
-    }
+    let remaining = number_that_stay();
+    in_pairs = remaining == count;
     if thread == 0u {
-      active_clusters = left;
+      active_clusters = remaining;
     }
-    in_pairs = left == count;
   }
   if goal == 1u {
-    if thread == 0u && total > 0u {
+    if thread == 0u && left > 0u {
       state.root = ids[0].x;
     }
   } else if thread < BLOCK_LEFT && block < blocks {
-    clusters_left[block * BLOCK_LEFT + thread] = select(vec2u(NO_NODE, 0u), ids[thread], thread < active_clusters);
+    clusters_left[block * BLOCK_LEFT + thread] = select(vec2u(NO_NODE, 0u), ids[thread], thread < left);
   }
 }

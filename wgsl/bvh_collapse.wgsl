@@ -5,8 +5,8 @@
 //
 // A node takes the largest of its descendants apart until it has eight children. How many primitives are below each is
 // known, and with it where its triangles and the nodes below it have room: no place is counted, and all are the same every
-// time. A tree of m > 2 primitives has at most (8 m - 3) / 21 nodes: a node of fewer than eight children has leaves alone, and at
-// least three primitives.
+// time. A tree of m > 2 primitives has at most (8 m - 3) / 21 nodes, since a node of fewer than eight children has leaves
+// alone, and three primitives at least.
 
 #import math
 #import hashing
@@ -54,11 +54,8 @@ const DEEP: u32 = 16u;
 
 fn reference_box(reference: u32) -> Box {
   if (reference & LEAF) != 0u {
-    let low = vec3f(
-      from_ordered(atomicLoad(&state.bounds[0])),
-      from_ordered(atomicLoad(&state.bounds[1])),
-      from_ordered(atomicLoad(&state.bounds[2])),
-    );
+    let b = &state.bounds;
+    let low = lowest_of(vec3u(atomicLoad(&b[0]), atomicLoad(&b[1]), atomicLoad(&b[2])));
     return box_of(pieces[reference & ~LEAF], low);
   }
   let node = binary[reference];

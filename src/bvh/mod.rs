@@ -21,7 +21,8 @@ use crate::{
 };
 
 /// A bounding volume hierarchy over a cloud's senders: what a ray skips by. Made anew from each recording of the cloud;
-/// nothing of it is kept from frame to frame.
+/// nothing of it is kept from frame to frame. That of pieces takes 48 bytes a piece in one binding, as the cloud's own buffer
+/// of them does: within `Limits::default()` up to 2 796 202 pieces, and up to 2^23 where the device binds more.
 #[derive(Debug)]
 pub struct SenderBounds {
     bounds: Bounds,

@@ -34,9 +34,9 @@ const BLOCK: u32 = 256;
 const BLOCK_LEFT: u32 = 64;
 
 /// Bytes of the shaders' `BinaryNode`, `State` and `Task`.
-const BINARY_NODE_BYTES: u64 = 48;
-const STATE_BYTES: u64 = 304;
-const TASK_BYTES: u64 = 16;
+pub(crate) const BINARY_NODE_BYTES: u64 = 48;
+pub(crate) const STATE_BYTES: u64 = 304;
+pub(crate) const TASK_BYTES: u64 = 16;
 
 /// Levels of nodes that have a dispatch of their own; the last dispatch makes all that are left.
 const LEVELS: u32 = 16;

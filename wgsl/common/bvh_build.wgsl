@@ -63,6 +63,12 @@ fn center_of(piece: Piece) -> vec3f {
   return (piece.a + piece.b + piece.c) * (1.0 / 3.0);
 }
 
+// The lowest corner of what bounds the centres; 0 where there is none.
+fn lowest_of(words: vec3u) -> vec3f {
+  let corner = vec3f(from_ordered(words.x), from_ordered(words.y), from_ordered(words.z));
+  return select(vec3f(0.0), corner, vec3<bool>(is_finite3(corner)));
+}
+
 // The box around a primitive, grown by what rounding can move a hit. One that is out of range, which no ray meets, is a
 // point at `elsewhere`.
 fn box_of(piece: Piece, elsewhere: vec3f) -> Box {
