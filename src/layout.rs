@@ -5,10 +5,13 @@ use std::mem::offset_of;
 use crate::{
     AmbientOcclusion, Channels, Effect, Material, Piece, PolygonLight, SurfelCounts,
     SurfelRadiance, SurfelSource,
-    bounced_z_buffer::params::{BouncedParams, LightsParams},
+    bounced_z_buffer::params::{BouncedParams, DiskParams, LightsParams},
+    bvh::{
+        disks::DiskBoundsParams,
+        triangles::{BINARY_NODE_BYTES, BvhParams, STATE_BYTES, TASK_BYTES},
+    },
     camera::CameraParams,
     depth_moments::DepthMomentsParams,
-    disk_bounds::{DiskBoundsParams, DiskParams},
     gpu::sort::SortParams,
     hit_reconstructor::params::HitReconstructorParams,
     light::LightParams,
@@ -18,7 +21,6 @@ use crate::{
     reconstructor::params::ReconstructorParams,
     reflective_shadow_map::ReflectiveShadowMapParams,
     screen_space_gi::params::ScreenSpaceGiParams,
-    sender_bounds::SenderBoundsParams,
     sg_hull::{
         self,
         params::{HullSegment, HullVertex, SgHullCounts, SgHullParams},
@@ -193,7 +195,7 @@ fn structs_match_the_shaders() {
     let shaded = |name: &str, fields: &[(&str, usize)], size: usize| {
         check(&ao, "surfel_shader shadow map samples", name, fields, size);
     };
-    let params = fields!(SurfelShaderParams: light, first, splits, piece_capacity);
+    let params = fields!(SurfelShaderParams: light, first, splits);
     shaded("Params", &params, size_of::<SurfelShaderParams>());
     let light = fields!(LightParams: position, kind, direction, outer, color, sharpness);
     shaded("Light", &light, size_of::<LightParams>());
@@ -206,7 +208,7 @@ fn structs_match_the_shaders() {
     let lights = fields!(LightsParams: lights, count);
     let name = "bounced_z_buffer radiance lit";
     check(&ao, name, "Lights", &lights, size_of::<LightsParams>());
-    let bounced = fields!(BouncedParams: size, columns, rows, frame, words, piece_capacity, surfel_capacity, background,
+    let bounced = fields!(BouncedParams: size, columns, rows, frame, words, surfel_capacity, background,
         world_radius);
     let hits = fields!(HitReconstructorParams: camera, columns, rows, frame, words, radius, plane_distance,
         normal_power, deviations, f0);
@@ -231,16 +233,17 @@ fn structs_match_the_shaders() {
             size_of::<HitReconstructorParams>(),
         );
     }
-    let bounds = fields!(SenderBoundsParams: depth, capacity, perspective);
-    for stage in ["plan", "build"] {
-        check(
-            &ao,
-            &format!("sender_bounds {stage}"),
-            "Params",
-            &bounds,
-            size_of::<SenderBoundsParams>(),
+    let bvh = fields!(BvhParams: capacity, level, threads);
+    for stage in ["bvh_order", "bvh_cluster", "bvh_collapse"] {
+        check(&ao, stage, "Params", &bvh, size_of::<BvhParams>());
+        assert_eq!(reflect(&ao, stage, "State").1, STATE_BYTES as usize);
+        assert_eq!(
+            reflect(&ao, stage, "BinaryNode").1,
+            BINARY_NODE_BYTES as usize
         );
     }
+    let task = reflect(&ao, "bvh_collapse", "Task").1;
+    assert_eq!(task, TASK_BYTES as usize);
     let disk_bounds = fields!(DiskBoundsParams: level, depth, capacity, level_first);
     check(
         &ao,

@@ -96,9 +96,9 @@ pub use glam;
 pub use wgpu;
 
 mod bounced_z_buffer;
+mod bvh;
 mod camera;
 mod depth_moments;
-mod disk_bounds;
 mod effect;
 mod effects;
 mod error;
@@ -121,7 +121,6 @@ mod reflective_shadow_map;
 #[cfg(feature = "scenes")]
 pub mod scenes;
 mod screen_space_gi;
-mod sender_bounds;
 mod sg_hull;
 mod shaders;
 mod shell_splatter;
@@ -141,6 +140,7 @@ pub use bounced_z_buffer::{
     settings::{BouncedSettings, DiskSettings, Merge, Sampling},
     view::BouncedView,
 };
+pub use bvh::SenderBounds;
 pub use camera::{Camera, Footprint, Viewport};
 pub use depth_moments::DepthMoments;
 pub use effect::{Channels, Effect};
@@ -173,7 +173,6 @@ pub use reflective_shadow_map::{
     ReflectiveShadowMap, ReflectiveShadowMapInput, ReflectiveShadowMapView,
 };
 pub use screen_space_gi::{ScreenSpaceGi, ScreenSpaceGiInput, settings::ScreenSpaceGiSettings};
-pub use sender_bounds::SenderBounds;
 pub use sg_hull::{
     HullSegment, HullVertex, SgHull, SgHullCounts, SgHullDescriptor, SgHullInput, SgHullView,
     bound::GathererBinding,

@@ -3,13 +3,13 @@
 use wgpu::Features;
 
 use crate::{
-    bounced_z_buffer, depth_moments, disk_bounds,
+    bounced_z_buffer, bvh, depth_moments,
     effect::Effect,
     error::Error,
     gpu::{scan, sort},
     hit_reconstructor, multi_res_mask, multi_res_reconstructor, receivers, reconstructor,
-    reflective_shadow_map, screen_space_gi, sender_bounds, sg_hull, shell_splatter, soft_shadows,
-    surfel_shader, surfelizer, temporal_accumulator, volumetric_obscurance,
+    reflective_shadow_map, screen_space_gi, sg_hull, shell_splatter, soft_shadows, surfel_shader,
+    surfelizer, temporal_accumulator, volumetric_obscurance,
 };
 
 /// How a pass adds its modules to the listing.
@@ -24,8 +24,7 @@ const PASSES: &[List] = &[
     surfel_shader::list,
     shell_splatter::list,
     reconstructor::list,
-    sender_bounds::list,
-    disk_bounds::list,
+    bvh::list,
     bounced_z_buffer::list,
     hit_reconstructor::list,
     temporal_accumulator::list,

@@ -4,7 +4,7 @@
 //   trace   a thread a pixel and direction, a workgroup 8x8 pixels
 //
 // The paper splats senders onto pixels and keeps the nearest hit of each pixel's direction. Here a pixel gathers: its ray
-// walks over the bounds of runs of senders and skips what it misses (wgsl/common/walk.wgsl), so that a nearest hit takes
+// traverses a hierarchy of bounds and skips what it misses (wgsl/common/bvh_traverse.wgsl), so that a nearest hit takes
 // tens of tests in place of all senders within their splats' reach, and none is out of reach.
 //
 // Without #if RADIANCE a hit is a bit; with it, the radiance that the surfel at the hit sends, or with #if LIT what the
@@ -38,8 +38,8 @@ struct Params {
   frame: u32,
   // Words of bits a pixel.
   words: u32,
-  piece_capacity: u32,
   surfel_capacity: u32,
+  padding: u32,
   // Radiance where nothing is hit.
   background: vec3f,
   // Farther hits do not count, world units.
@@ -58,9 +58,11 @@ override SAMPLING: u32 = 0u;
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> counters: Counters;
+#if SENDER_DISKS
 @group(0) @binding(2) var nodes: texture_2d<f32>;
-#if !SENDER_DISKS
-@group(0) @binding(3) var leaves: texture_2d<f32>;
+#else
+@group(0) @binding(2) var nodes: texture_2d<u32>;
+@group(0) @binding(3) var triangles: texture_2d<u32>;
 #endif
 @group(0) @binding(4) var receivers: texture_2d<u32>;
 #if RADIANCE
@@ -78,16 +80,15 @@ override SAMPLING: u32 = 0u;
 @group(0) @binding(7) var<storage, read> surfel_offsets: array<u32>;
 #endif
 @group(0) @binding(8) var<storage, read> pieces: array<Piece>;
-// Pairs of a key and a piece, in the order that the leaves have.
-@group(0) @binding(9) var<storage, read> order: array<vec2u>;
 #endif
 #else
 // Bits of the directions that hit something.
 @group(0) @binding(5) var<storage, read_write> hits: array<atomic<u32>>;
 #endif
 #if STATISTICS
-// Rays, nodes and leaves that they were tested against, and rays that hit.
-@group(0) @binding(10) var<storage, read_write> statistics: array<atomic<u32>, 4>;
+// Rays, nodes that they visited, primitives that they were tested against, and rays that hit; steps, each a node or a
+// primitive, of the slowest of 32 neighbouring rays, summed, and how many such groups there were.
+@group(0) @binding(10) var<storage, read_write> statistics: array<atomic<u32>, 6>;
 #endif
 @group(0) @binding(11) var<uniform> camera: Camera;
 #if GLOSSY
@@ -98,7 +99,7 @@ override SAMPLING: u32 = 0u;
 #if SENDER_DISKS
 #import disk_walk
 #else
-#import meet_triangles
+#import bvh_traverse
 #if LIT
 #import shadow_ray
 #endif
@@ -118,23 +119,22 @@ fn off_surface(position: vec3f, side: vec3f, seen_from: vec3f) -> vec3f {
   return position + (side + seen_from) * (rounding(position) + grid);
 }
 
-// What a pixel's ray meets first; with `any` something that it meets.
-fn find(ray: Ray, pixel: vec2u, normal: vec3f, any: bool) -> Hit {
+#if RADIANCE
+// What a pixel's ray meets first.
+fn find(ray: Ray, pixel: vec2u, normal: vec3f) -> Hit {
 #if SENDER_DISKS
-  return walk_disks(ray, pixel, normal, any);
+  return walk_disks(ray, pixel, normal, false);
 #else
-  let count = rooms_taken(counters.pieces, params.piece_capacity);
-  return walk(ray, count, params.piece_capacity, params.world_radius, any);
+  return trace_nearest(ray, params.world_radius);
 #endif
 }
 
-#if RADIANCE
 fn incoming(ray: Ray, hit: Hit) -> vec3f {
-  if hit.sender == NO_SENDER {
+  if hit.primitive == MISS {
     return params.background;
   }
 #if LIT
-  let piece = pieces[order[hit.sender].y];
+  let piece = pieces[hit.primitive];
   let normal = normalize_or(area_vector(Triangle(piece.a, piece.b, piece.c)).direction, -ray.direction);
   let facing = dot(normal, ray.direction) < 0.0;
   let side = select(-normal, normal, facing);
@@ -142,12 +142,11 @@ fn incoming(ray: Ray, hit: Hit) -> vec3f {
   // Known to the rounding of where the ray started, which may be the farther end.
   let point = place + (side - ray.direction) * max(rounding(place), rounding(ray.origin));
   var irradiance = vec3f(0.0);
-  let count = rooms_taken(counters.pieces, params.piece_capacity);
   for (var i = 0u; i < lights.count; i++) {
     let arrival = light_at(lights.lights[i], place);
     let cosine = dot(side, arrival.to_light);
     if cosine > 0.0 {
-      irradiance += arrival.irradiance * (cosine * unshadowed(point, lights.lights[i], count, params.piece_capacity));
+      irradiance += arrival.irradiance * (cosine * unshadowed(point, lights.lights[i]));
     }
   }
   let material = materials[min(piece.material, arrayLength(&materials) - 1u)];
@@ -155,10 +154,10 @@ fn incoming(ray: Ray, hit: Hit) -> vec3f {
   return min((own + sound(material.albedo) * irradiance) / PI, vec3f(BRIGHTEST));
 #else
 #if SENDER_DISKS
-  let surfel = hit.sender;
+  let surfel = hit.primitive;
   let facing = dot(unpack_normal(sources[surfel].normal), ray.direction) < 0.0;
 #else
-  let index = order[hit.sender].y;
+  let index = hit.primitive;
   let piece = pieces[index];
   let t = Triangle(piece.a, piece.b, piece.c);
   let leaf = leaf_at(t, ray.origin + ray.direction * hit.t, piece.shape & SHAPE_ORDER);
@@ -171,9 +170,18 @@ fn incoming(ray: Ray, hit: Hit) -> vec3f {
 }
 #endif
 
-@compute @workgroup_size(8, 8)
-fn trace(@builtin(global_invocation_id) id: vec3u) {
-  let pixel = id.xy;
+#if !RADIANCE
+// Whether a pixel's ray meets anything.
+fn is_blocked(ray: Ray, pixel: vec2u, normal: vec3f) -> bool {
+#if SENDER_DISKS
+  return walk_disks(ray, pixel, normal, true).primitive != MISS;
+#else
+  return trace_any(ray, params.world_radius);
+#endif
+}
+#endif
+
+fn trace_pixel(pixel: vec2u, index: u32) {
   if any(pixel >= params.size) {
     return;
   }
@@ -184,14 +192,14 @@ fn trace(@builtin(global_invocation_id) id: vec3u) {
   let position = receiver_position(texel);
   let normal = unpack_normal(texel.w);
   let seen_from = to_camera(camera, position - camera.eye);
-  let point = cell_point(pixel, id.z, params.columns, params.rows, params.frame);
+  let point = cell_point(pixel, index, params.columns, params.rows, params.frame);
 #if GLOSSY
   let roughness = textureLoad(roughness_texture, camera.viewport.xy + pixel, 0).x;
   let lobe = make_lobe(normal, seen_from, roughness);
   let drawn = glossy_direction(lobe, point);
   if drawn.light.z <= 0.0 {
 #if RADIANCE
-    textureStore(hits, pixel, id.z, vec4u(0u));
+    textureStore(hits, pixel, index, vec4u(0u));
 #endif
     return;
   }
@@ -201,18 +209,44 @@ fn trace(@builtin(global_invocation_id) id: vec3u) {
 #endif
   let ray = make_ray(off_surface(position, normal, seen_from), direction);
 #if RADIANCE
-  let hit = find(ray, pixel, normal, false);
-  textureStore(hits, pixel, id.z, vec4u(pack_color(incoming(ray, hit)), 0u, 0u, 0u));
+  let hit = find(ray, pixel, normal);
+  let blocked = hit.primitive != MISS;
+  textureStore(hits, pixel, index, vec4u(pack_color(incoming(ray, hit)), 0u, 0u, 0u));
 #else
-  let hit = find(ray, pixel, normal, true);
-  if hit.sender != NO_SENDER {
-    atomicOr(&hits[(pixel.y * params.size.x + pixel.x) * params.words + id.z / 32u], 1u << (id.z & 31u));
+  let blocked = is_blocked(ray, pixel, normal);
+  if blocked {
+    atomicOr(&hits[(pixel.y * params.size.x + pixel.x) * params.words + index / 32u], 1u << (index & 31u));
   }
 #endif
 #if STATISTICS
   atomicAdd(&statistics[0], 1u);
-  atomicAdd(&statistics[1], nodes_tested);
-  atomicAdd(&statistics[2], leaves_tested);
-  atomicAdd(&statistics[3], select(0u, 1u, hit.sender != NO_SENDER));
+  atomicAdd(&statistics[1], nodes_visited);
+  atomicAdd(&statistics[2], primitives_tested);
+  atomicAdd(&statistics[3], select(0u, 1u, blocked));
+#endif
+}
+
+#if STATISTICS
+// Steps of the slowest of the first 32 invocations of a workgroup, and of the others.
+var<workgroup> slowest: array<atomic<u32>, 2>;
+#endif
+
+@compute @workgroup_size(8, 8)
+fn trace(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) thread: u32) {
+#if STATISTICS
+  if thread < 2u {
+    atomicStore(&slowest[thread], 0u);
+  }
+  workgroupBarrier();
+#endif
+  trace_pixel(id.xy, id.z);
+#if STATISTICS
+  atomicMax(&slowest[thread / 32u], nodes_visited + primitives_tested);
+  workgroupBarrier();
+  if thread < 2u {
+    let steps = atomicLoad(&slowest[thread]);
+    atomicAdd(&statistics[4], steps);
+    atomicAdd(&statistics[5], select(0u, 1u, steps > 0u));
+  }
 #endif
 }

@@ -27,9 +27,8 @@ struct Params {
   first: u32,
   // A surfel's triangle is bisected so often: 2^splits points.
   splits: u32,
-  // Pieces that the cloud has room for.
-  piece_capacity: u32,
-  padding: u32,
+  padding0: u32,
+  padding1: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -54,16 +53,14 @@ fn lit(point: vec3f, side: vec3f) -> f32 {
 }
 #else
 #if SHADOW_TRACED
-@group(0) @binding(9) var nodes: texture_2d<f32>;
-@group(0) @binding(10) var leaves: texture_2d<f32>;
+@group(0) @binding(9) var nodes: texture_2d<u32>;
+@group(0) @binding(10) var triangles: texture_2d<u32>;
 
-#import rooms
-#import meet_triangles
+#import bvh_traverse
 #import shadow_ray
 
 fn lit(point: vec3f, side: vec3f) -> f32 {
-  let count = rooms_taken(counters.pieces, params.piece_capacity);
-  return unshadowed(point + side * rounding(point), params.light, count, params.piece_capacity);
+  return unshadowed(point + side * rounding(point), params.light);
 }
 #else
 fn lit(point: vec3f, side: vec3f) -> f32 {

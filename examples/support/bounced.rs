@@ -298,6 +298,11 @@ impl BouncedRenderer {
         })
     }
 
+    /// GPU memory of what rays traverse, bytes.
+    pub fn bounds_bytes(&self) -> u64 {
+        self.senders.bounds.memory_bytes()
+    }
+
     /// GPU memory of everything that the passes own, bytes.
     pub fn memory_bytes(&self) -> u64 {
         self.senders.memory_bytes()

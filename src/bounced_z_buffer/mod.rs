@@ -12,11 +12,12 @@ use wgpu::{
 
 use self::{
     descriptor::{BouncedDescriptor, HitLighting, Lighting, Payload, Senders},
-    params::{BouncedParams, LightsParams, MAX_LIGHTS},
+    params::{BouncedParams, DiskParams, LightsParams, MAX_LIGHTS},
     settings::{BouncedSettings, MAX_DIRECTIONS, MAX_LEVELS, Sampling},
     view::{BouncedView, Hits},
 };
 use crate::{
+    bvh::{SenderBounds, SenderBoundsPass},
     camera::Camera,
     error::{Error, check_setting},
     gbuffer::{GBuffer, check_roughness},
@@ -28,7 +29,6 @@ use crate::{
     },
     receivers::{Receivers, ReceiversPass, check_view_size, plane},
     recorded::Last,
-    sender_bounds::{SenderBounds, SenderBoundsPass},
     shaders::{Listing, name_of},
     surfel::SurfelCloud,
     surfel_shader::radiance_bytes,
@@ -92,7 +92,9 @@ impl BouncedZBuffer {
         descriptor: &BouncedDescriptor,
         cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
+        let mut disk_levels = None;
         if let Senders::Disks { levels } = descriptor.senders {
+            disk_levels = Some(levels);
             check_setting(
                 (1..=MAX_LEVELS).contains(&levels),
                 "Senders::Disks::levels",
@@ -100,13 +102,7 @@ impl BouncedZBuffer {
                 "1 to 8",
             )?;
         }
-        let mut entries = vec![
-            (0, UNIFORM),
-            (1, READ),
-            (2, FLOAT_2D),
-            (4, UINT_2D),
-            (11, UNIFORM),
-        ];
+        let mut entries = vec![(0, UNIFORM), (1, READ), (4, UINT_2D), (11, UNIFORM)];
         check_setting(
             !descriptor.lit() || descriptor.senders == Senders::Pieces,
             "BouncedDescriptor::senders",
@@ -121,9 +117,11 @@ impl BouncedZBuffer {
             }
         });
         entries.extend(match (descriptor.senders, descriptor.payload) {
-            (Senders::Disks { .. }, _) => vec![(16, UNIFORM), (17, READ), (18, READ)],
-            (Senders::Pieces, Payload::Occlusion) => vec![(3, FLOAT_2D)],
-            (Senders::Pieces, Payload::Radiance) => vec![(3, FLOAT_2D), (8, READ), (9, READ)],
+            (Senders::Disks { .. }, _) => {
+                vec![(2, FLOAT_2D), (16, UNIFORM), (17, READ), (18, READ)]
+            }
+            (Senders::Pieces, Payload::Occlusion) => vec![(2, UINT_2D), (3, UINT_2D)],
+            (Senders::Pieces, Payload::Radiance) => vec![(2, UINT_2D), (3, UINT_2D), (8, READ)],
         });
         let offsets = descriptor.senders == Senders::Pieces
             && (descriptor.payload, descriptor.lighting) == (Payload::Radiance, Lighting::Surfels);
@@ -147,7 +145,7 @@ impl BouncedZBuffer {
             descriptor: *descriptor,
             layout,
             trace,
-            bounds: SenderBoundsPass::new(device, descriptor.senders, cache)?,
+            bounds: SenderBoundsPass::new(device, disk_levels, cache)?,
             receivers: ReceiversPass::new(device, cache)?,
         })
     }
@@ -208,7 +206,7 @@ impl BouncedZBuffer {
         let statistics = self
             .descriptor
             .statistics
-            .then(|| storage(device, "deep-screen-space hit statistics", 16, usage))
+            .then(|| storage(device, "deep-screen-space hit statistics", 24, usage))
             .transpose()?;
         Ok(BouncedView {
             // Last: what the device's limits refuse is known before this much memory is asked for.
@@ -275,16 +273,16 @@ impl BouncedZBuffer {
         let (nodes, senders) = match self.descriptor.senders {
             Senders::Pieces => {
                 let bounds = input.bounds.pieces(cloud)?;
-                let mut senders = vec![(3, binding::view(&bounds.leaves))];
+                let mut senders = vec![(3, binding::view(&bounds.triangles))];
                 if self.descriptor.payload == Payload::Radiance {
-                    senders.extend([(8, whole(&cloud.pieces)), (9, whole(&bounds.order.items))]);
+                    senders.push((8, whole(&cloud.pieces)));
                 }
                 senders.extend(radiance.map(|_| (7, whole(&cloud.piece_offsets.values))));
                 (&bounds.nodes, senders)
             }
             Senders::Disks { levels } => {
                 let bounds = input.bounds.disks(cloud, levels)?;
-                disks = uniform(device, LABEL, &bounds.params(&settings.disks));
+                disks = uniform(device, LABEL, &DiskParams::new(&settings.disks, bounds));
                 let senders = vec![
                     (16, whole(&disks)),
                     (17, whole(&cloud.surfels)),

@@ -3,8 +3,12 @@
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
-use super::{settings::BouncedSettings, words};
+use super::{
+    settings::{BouncedSettings, DiskSettings, MAX_LEVELS},
+    words,
+};
 use crate::{
+    bvh::disks::DiskBounds,
     light::{Light, LightParams},
     surfel::CloudCapacity,
 };
@@ -20,8 +24,8 @@ pub struct BouncedParams {
     pub(crate) rows: u32,
     pub(crate) frame: u32,
     pub(crate) words: u32,
-    pub(crate) piece_capacity: u32,
     pub(crate) surfel_capacity: u32,
+    pub(crate) padding: u32,
     pub(crate) background: [f32; 3],
     pub(crate) world_radius: f32,
 }
@@ -41,8 +45,8 @@ impl BouncedParams {
             rows,
             frame: settings.frame,
             words: words(settings.directions),
-            piece_capacity: capacity.pieces,
             surfel_capacity: capacity.surfels,
+            padding: 0,
             background,
             world_radius: radius.min(UNBOUNDED),
         }
@@ -77,6 +81,37 @@ impl LightsParams {
             params.count += 1;
         }
         params
+    }
+}
+
+/// What rays among disks read: `DiskParams` of `wgsl/common/disk_walk.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct DiskParams {
+    pub(crate) levels: u32,
+    pub(crate) merge: u32,
+    pub(crate) seed: u32,
+    pub(crate) capacity: u32,
+    pub(crate) level_first: [u32; MAX_LEVELS as usize],
+    pub(crate) shell_radii: f32,
+    pub(crate) padding: [u32; 3],
+}
+
+impl DiskParams {
+    pub fn new(settings: &DiskSettings, bounds: &DiskBounds) -> Self {
+        let mut level_first = [0; MAX_LEVELS as usize];
+        for (to, first) in level_first.iter_mut().zip(bounds.level_first()) {
+            *to = first;
+        }
+        Self {
+            levels: bounds.levels(),
+            merge: settings.merge.code(),
+            seed: settings.seed,
+            capacity: bounds.capacity,
+            level_first,
+            shell_radii: settings.shell_radii.min(UNBOUNDED),
+            padding: [0; 3],
+        }
     }
 }
 

@@ -65,8 +65,9 @@ impl BouncedView {
         }
     }
 
-    /// What the last recording counted, where the descriptor asked for it: four `u32`, namely rays, nodes of bounds and
-    /// runs of four senders that they were tested against, and rays that hit (usage `COPY_SRC`).
+    /// What the last recording counted, where the descriptor asked for it: six `u32`, namely rays, nodes that they visited,
+    /// senders that they were tested against, and rays that hit; then the steps, each a node or a sender, of the slowest of
+    /// 32 neighbouring pixels' rays, summed over groups of such rays, and how many groups there were (usage `COPY_SRC`).
     pub fn statistics(&self) -> Option<&Buffer> {
         self.statistics.as_ref()
     }

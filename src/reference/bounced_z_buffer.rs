@@ -1,5 +1,5 @@
-//! Mirror of `wgsl/bounced_z_buffer.wgsl` and `wgsl/common/walk.wgsl`: each ray against every piece, without the bounds,
-//! which skip only what it misses.
+//! Mirror of `wgsl/bounced_z_buffer.wgsl` and `wgsl/common/bvh_traverse.wgsl`: each ray against every piece, without
+//! the hierarchy, which skips only what it misses.
 //!
 //! Where two pieces meet, f32 may find the other one of the two, or find its way between an edge and what lies behind.
 
@@ -68,7 +68,7 @@ pub fn to_camera(camera: &Camera, origin: DVec3, point: DVec3) -> DVec3 {
     }
 }
 
-/// Where a ray meets a triangle, from either side (Möller and Trumbore 1997). The shader takes four at once.
+/// Where a ray meets a triangle, from either side (Möller and Trumbore 1997).
 ///
 /// `end_size` is the size of the coordinates of the light that the ray ends at, if it does: a triangle that the light lies
 /// on is met beyond it.

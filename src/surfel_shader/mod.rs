@@ -13,16 +13,16 @@ use self::{
     settings::SurfelShaderSettings,
 };
 use crate::{
+    bvh::SenderBounds,
     camera::Camera,
     error::{Error, check_limit, check_setting},
     geometry::Material,
     gpu::{
         Kernel, Timestamps,
-        binding::{self, FLOAT_2D, FLOAT_ARRAY, READ, UNIFORM, WRITE, view, whole},
+        binding::{self, FLOAT_ARRAY, READ, UINT_2D, UNIFORM, WRITE, view, whole},
         check_timestamps, compute_pass, shader, storage, uniform,
     },
     light::Light,
-    sender_bounds::SenderBounds,
     shaders::{Listing, name_of},
     surfel::{SurfelCloud, SurfelRadiance},
     surfelizer::settings::Placement,
@@ -316,7 +316,7 @@ impl SurfelShader {
             }
             Some(Shadow::Traced(bounds)) => {
                 let bounds = bounds.pieces(cloud)?;
-                resources.extend([(9, view(&bounds.nodes)), (10, view(&bounds.leaves))]);
+                resources.extend([(9, view(&bounds.nodes)), (10, view(&bounds.triangles))]);
                 &self.traced
             }
             Some(Shadow::None) | None => &self.plain,
@@ -349,7 +349,7 @@ impl ShadeKernel {
         match variant.shadow {
             ShadowKind::None => {}
             ShadowKind::Map => entries.extend([(7, UNIFORM), (8, FLOAT_ARRAY)]),
-            ShadowKind::Traced => entries.extend([(9, FLOAT_2D), (10, FLOAT_2D)]),
+            ShadowKind::Traced => entries.extend([(9, UINT_2D), (10, UINT_2D)]),
         }
         let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
         let pipeline = Kernel {

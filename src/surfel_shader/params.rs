@@ -17,8 +17,7 @@ pub(crate) struct SurfelShaderParams {
     pub(crate) light: LightParams,
     pub(crate) first: u32,
     pub(crate) splits: u32,
-    pub(crate) piece_capacity: u32,
-    pub(crate) padding: u32,
+    pub(crate) padding: [u32; 2],
 }
 
 impl SurfelShaderParams {
@@ -28,8 +27,7 @@ impl SurfelShaderParams {
             light: light.map_or_else(LightParams::default, |l| LightParams::new(l, cloud.origin)),
             first: u32::from(first),
             splits: samples.trailing_zeros(),
-            piece_capacity: cloud.capacity.pieces,
-            padding: 0,
+            padding: [0; 2],
         }
     }
 }

@@ -95,7 +95,7 @@ fn walk_disks(ray: Ray, pixel: vec2u, normal: vec3f, any: bool) -> Hit {
   // hit tells that there is one.
   let finest = disks.merge == MERGE_FINEST && !(any && params.world_radius >= FAR);
   let stop = any && !finest;
-  var merged = Hit(select(params.world_radius, FAR, finest), NO_SENDER);
+  var merged = Hit(select(params.world_radius, FAR, finest), MISS);
   for (var i = 0u; i < disks.levels; i++) {
     // Else the coarse ones come first: they have few disks, and what they find bounds the search among many.
     let level = select(disks.levels - 1u - i, i, finest);
@@ -104,15 +104,15 @@ fn walk_disks(ray: Ray, pixel: vec2u, normal: vec3f, any: bool) -> Hit {
     let tree = disk_tree(level, sub_buffer, level_first, counters.stored, disks.capacity);
     search = Search(level, sub_buffer, tree.count, normal);
     let hit = walk_from(ray, tree.first, tree.count, tree.capacity, merged.t, stop);
-    if hit.sender != NO_SENDER {
-      merged = Hit(hit.t, surfel_dealt(hit.sender, sub_buffer, level));
+    if hit.primitive != MISS {
+      merged = Hit(hit.t, surfel_dealt(hit.primitive, sub_buffer, level));
       if finest || stop {
         break;
       }
     }
   }
   if merged.t >= params.world_radius {
-    return Hit(params.world_radius, NO_SENDER);
+    return Hit(params.world_radius, MISS);
   }
   return merged;
 }

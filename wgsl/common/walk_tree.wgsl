@@ -2,20 +2,11 @@
 // so on up to a single node. A node's place is its depth and its index. Senders and nodes stand in arrays of vectors that
 // have a component for each of the four, so that a ray meets four at once.
 
-// Of four boxes or triangles, 6 vectors: lowest x, y, z and highest x, y, z; and of disks a seventh: the largest radius.
-#if SENDER_DISKS
-const NODE_TEXELS: u32 = 7u;
-#else
-const NODE_TEXELS: u32 = 6u;
-#endif
-// Of four triangles, 9 vectors: x, y, z of a corner and of the edges from it to the second and the third.
-const LEAF_TEXELS: u32 = 9u;
-const TEXELS_A_ROW: u32 = 4096u;
+#import ray
 
-// Stands for infinity; its square is finite.
-const FAR: f32 = 1e18;
-// Rounding of positions relative to their size. Senders are grown by it, so that neighbours leave no gap.
-const POSITION_TOLERANCE: f32 = 1e-6;
+// Of four boxes, 7 vectors: lowest x, y, z, highest x, y, z and the largest radius.
+const NODE_TEXELS: u32 = 7u;
+const TEXELS_A_ROW: u32 = 4096u;
 
 // Nodes at a depth, counted from 0 where a node has four senders.
 fn nodes_at(count: u32, depth: u32) -> u32 {

@@ -2,19 +2,17 @@
 
 use bytemuck::{Pod, Zeroable};
 use wgpu::{
-    BindGroupLayout, CommandEncoder, ComputePipeline, Device, PipelineCache, ShaderStages,
-    TextureView,
+    BindGroupLayout, Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache,
+    ShaderStages, Texture, TextureUsages, TextureView,
 };
 
 use crate::{
-    bounced_z_buffer::settings::{DiskSettings, MAX_LEVELS},
-    error::Error,
+    error::{Error, check_limit},
     gpu::{
         Kernel, Timestamps, WORKGROUP,
         binding::{self, READ, UNIFORM, WRITE, whole},
-        compute_pass, dispatch, shader, uniform,
+        compute_pass, dispatch, shader, storage, uniform,
     },
-    sender_bounds::{VectorArray, depth_offset, nodes_at, top_of},
     shaders::Listing,
     surfel::SurfelCloud,
 };
@@ -23,11 +21,9 @@ const SOURCE: &str = include_str!("../../wgsl/disk_bounds.wgsl");
 
 const LABEL: &str = "deep-screen-space disk bounds";
 
-/// Vectors that a node has, as in the shader.
+/// Texels of a row of the texture, and vectors that a node has, as in the shader.
+const ROW: u64 = 4096;
 const NODE_TEXELS: u64 = 7;
-
-/// Stands for infinity, as in the shader.
-const FAR: f32 = 1e18;
 
 /// A tree over the surfels of each sub-buffer of each level.
 #[derive(Debug)]
@@ -57,17 +53,69 @@ pub(crate) struct DiskBoundsParams {
     pub(crate) level_first: u32,
 }
 
-/// What rays among disks read: `DiskParams` of `wgsl/common/disk_walk.wgsl`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-pub(crate) struct DiskParams {
-    pub(crate) levels: u32,
-    pub(crate) merge: u32,
-    pub(crate) seed: u32,
-    pub(crate) capacity: u32,
-    pub(crate) level_first: [u32; MAX_LEVELS as usize],
-    pub(crate) shell_radii: f32,
-    pub(crate) padding: [u32; 3],
+/// An array of vectors in whole rows, and the texture of the same.
+#[derive(Debug)]
+struct VectorArray {
+    buffer: Buffer,
+    texture: Texture,
+}
+
+impl VectorArray {
+    pub fn new(device: &Device, label: &'static str, vectors: u64) -> Result<Self, Error> {
+        let rows = vectors.div_ceil(ROW).max(1);
+        check_limit(
+            "max_texture_dimension_2d",
+            u64::from(device.limits().max_texture_dimension_2d),
+            rows.max(ROW),
+            label,
+        )?;
+        Ok(Self {
+            buffer: storage(device, label, 16 * ROW * rows, BufferUsages::COPY_SRC)?,
+            texture: device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(label),
+                size: wgpu::Extent3d {
+                    width: ROW as u32,
+                    height: rows as u32,
+                    depth_or_array_layers: 1,
+                },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: wgpu::TextureFormat::Rgba32Float,
+                usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
+                view_formats: &[],
+            }),
+        })
+    }
+
+    pub fn buffer(&self) -> &Buffer {
+        &self.buffer
+    }
+
+    /// Bytes of the buffer, and of the texture.
+    pub fn bytes(&self) -> u64 {
+        self.buffer.size()
+    }
+
+    pub fn view(&self) -> TextureView {
+        self.texture
+            .create_view(&wgpu::TextureViewDescriptor::default())
+    }
+
+    pub fn copy(&self, encoder: &mut CommandEncoder) {
+        encoder.copy_buffer_to_texture(
+            wgpu::TexelCopyBufferInfo {
+                buffer: &self.buffer,
+                layout: wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(16 * ROW as u32),
+                    rows_per_image: None,
+                },
+            },
+            self.texture.as_image_copy(),
+            self.texture.size(),
+        );
+    }
 }
 
 impl DiskBounds {
@@ -91,21 +139,27 @@ impl DiskBounds {
         2 * self.built.bytes()
     }
 
-    pub fn params(&self, settings: &DiskSettings) -> DiskParams {
-        let mut level_first = [0; MAX_LEVELS as usize];
-        for (first, level) in level_first.iter_mut().zip(&self.levels) {
-            *first = level.first;
-        }
-        DiskParams {
-            levels: self.levels(),
-            merge: settings.merge.code(),
-            seed: settings.seed,
-            capacity: self.capacity,
-            level_first,
-            shell_radii: settings.shell_radii.min(FAR),
-            padding: [0; 3],
-        }
+    /// Where the nodes of each level begin.
+    pub fn level_first(&self) -> impl Iterator<Item = u32> {
+        self.levels.iter().map(|level| level.first)
     }
+}
+
+/// The depth with a single node: `top_of` of the shader.
+pub(crate) fn top_of(count: u32) -> u32 {
+    let bits = 32 - (count.max(1) - 1).leading_zeros();
+    bits.div_ceil(2).max(1) - 1
+}
+
+/// Nodes at a depth: `nodes_at` of the shader.
+pub(crate) fn nodes_at(count: u32, depth: u32) -> u32 {
+    count.div_ceil(1 << (2 * depth + 2))
+}
+
+/// Where a depth's nodes begin: `depth_offset` of the shader.
+pub(crate) fn depth_offset(capacity: u32, depth: u32) -> u32 {
+    let third = capacity / 3 + 1;
+    third - (third >> (2 * depth)) + 2 * depth
 }
 
 /// Nodes of a tree with room for so many surfels: all but those of depth 0.
@@ -137,7 +191,7 @@ pub(crate) struct DiskBoundsPass {
 
 /// The module.
 fn source() -> Result<String, Error> {
-    shader::assemble("disk_bounds", SOURCE, &["SENDER_DISKS"], &[])
+    shader::assemble("disk_bounds", SOURCE, &[], &[])
 }
 
 impl DiskBoundsPass {
@@ -222,6 +276,7 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bounced_z_buffer::settings::MAX_LEVELS;
 
     /// Nodes of a tree stay within its room at every depth, whatever the count.
     #[test]

@@ -1,0 +1,385 @@
+//! The hierarchy over triangles: a binary tree by clustering, collapsed to nodes of eight children (`wgsl/bvh_order.wgsl`,
+//! `bvh_cluster.wgsl`, `bvh_collapse.wgsl`; `wgsl/common/bvh_layout.wgsl` says what a node is).
+
+use bytemuck::{Pod, Zeroable};
+use wgpu::{
+    BindGroupLayout, Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache,
+    ShaderStages, Texture, TextureFormat, TextureUsages, TextureView, TextureViewDimension,
+};
+
+use crate::{
+    error::{Error, check_limit},
+    gpu::{
+        Kernel, Timestamps, WORKGROUP,
+        binding::{self, READ, UNIFORM, WRITE, whole},
+        compute_pass, dispatch, shader,
+        sort::{Sort, SortBuffer},
+        storage, uniform,
+    },
+    shaders::Listing,
+};
+
+const LABEL: &str = "deep-screen-space bvh";
+
+/// Bytes of an indirect dispatch.
+const DISPATCH_BYTES: u64 = 12;
+
+/// As in `wgsl/common/bvh_layout.wgsl`: texels of a row, of a node and of a triangle.
+pub(super) const ROW_TEXELS: u32 = 4095;
+pub(super) const NODE_TEXELS: u32 = 5;
+pub(super) const TRIANGLE_TEXELS: u32 = 3;
+
+/// As in `wgsl/common/bvh_build.wgsl`: primitives that a workgroup clusters at a time, and a quarter of it, which it leaves.
+const BLOCK: u32 = 256;
+const BLOCK_LEFT: u32 = 64;
+
+/// Bytes of the shaders' `BinaryNode`, `State` and `Task`.
+pub(crate) const BINARY_NODE_BYTES: u64 = 48;
+pub(crate) const STATE_BYTES: u64 = 304;
+pub(crate) const TASK_BYTES: u64 = 16;
+
+/// Levels of nodes that have a dispatch of their own; the last dispatch makes all that are left.
+const LEVELS: u32 = 16;
+
+/// A hierarchy over up to so many triangles.
+#[derive(Debug)]
+pub(crate) struct TriangleBvh {
+    capacity: u32,
+    node_texture: Texture,
+    triangle_texture: Texture,
+    /// What rays read.
+    pub nodes: TextureView,
+    pub triangles: TextureView,
+    // What it is made by.
+    state: Buffer,
+    dispatches: Buffer,
+    order: SortBuffer,
+    clusters: [Buffer; 2],
+    binary: Buffer,
+    tasks: Buffer,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct BvhParams {
+    pub(crate) capacity: u32,
+    pub(crate) level: u32,
+    pub(crate) threads: u32,
+    pub(crate) padding: u32,
+}
+
+/// The most nodes over `count` triangles: see `wgsl/bvh_collapse.wgsl`.
+pub(super) fn most_nodes(count: u32) -> u32 {
+    1 + (8 * count).saturating_sub(24) / 21
+}
+
+/// Levels of clustering, each of which leaves a quarter, until a block is left.
+pub(super) fn cluster_levels(capacity: u32) -> u32 {
+    let mut blocks = capacity.div_ceil(BLOCK).max(1);
+    let mut levels = 1;
+    while blocks > 1 {
+        blocks = blocks.div_ceil(4);
+        levels += 1;
+    }
+    levels
+}
+
+impl TriangleBvh {
+    pub fn capacity(&self) -> u32 {
+        self.capacity
+    }
+
+    /// GPU memory that it owns, bytes.
+    pub fn memory_bytes(&self) -> u64 {
+        let buffers = [
+            &self.state,
+            &self.dispatches,
+            &self.clusters[0],
+            &self.clusters[1],
+            &self.binary,
+            &self.tasks,
+        ];
+        let textures = [&self.node_texture, &self.triangle_texture];
+        buffers.iter().map(|b| b.size()).sum::<u64>()
+            + textures
+                .iter()
+                .map(|t| 16 * u64::from(t.width()) * u64::from(t.height()))
+                .sum::<u64>()
+            + self.order.bytes()
+    }
+
+    #[cfg(test)]
+    pub(super) fn textures(&self) -> [&Texture; 2] {
+        [&self.node_texture, &self.triangle_texture]
+    }
+}
+
+/// A texture of so many items of a few texels each, in whole rows.
+fn texels(
+    device: &Device,
+    label: &'static str,
+    items: u32,
+    texels_each: u32,
+) -> Result<Texture, Error> {
+    let rows = items.div_ceil(ROW_TEXELS / texels_each).max(1);
+    check_limit(
+        "max_texture_dimension_2d",
+        u64::from(device.limits().max_texture_dimension_2d),
+        u64::from(rows.max(ROW_TEXELS)),
+        label,
+    )?;
+    Ok(device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(label),
+        size: wgpu::Extent3d {
+            width: ROW_TEXELS,
+            height: rows,
+            depth_or_array_layers: 1,
+        },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: TextureFormat::Rgba32Uint,
+        usage: TextureUsages::TEXTURE_BINDING
+            | TextureUsages::STORAGE_BINDING
+            | TextureUsages::COPY_SRC,
+        view_formats: &[],
+    }))
+}
+
+/// The pipelines.
+#[derive(Debug)]
+pub(crate) struct TriangleBvhPass {
+    order_layout: BindGroupLayout,
+    cluster_layout: BindGroupLayout,
+    collapse_layout: BindGroupLayout,
+    plan: ComputePipeline,
+    measure: ComputePipeline,
+    make_keys: ComputePipeline,
+    sort: Sort,
+    cluster: ComputePipeline,
+    collapse: ComputePipeline,
+    collapse_rest: ComputePipeline,
+}
+
+/// The module of a stage.
+fn source(stage: &str) -> Result<String, Error> {
+    let text = match stage {
+        "bvh_order" => include_str!("../../wgsl/bvh_order.wgsl"),
+        "bvh_cluster" => include_str!("../../wgsl/bvh_cluster.wgsl"),
+        _ => include_str!("../../wgsl/bvh_collapse.wgsl"),
+    };
+    shader::assemble(stage, text, &[], &[])
+}
+
+impl TriangleBvhPass {
+    pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
+        let layout = |entries: &[_]| binding::layout(device, LABEL, ShaderStages::COMPUTE, entries);
+        let order_layout = layout(&[
+            (0, UNIFORM),
+            (1, READ),
+            (2, READ),
+            (3, WRITE),
+            (4, WRITE),
+            (5, WRITE),
+        ]);
+        let cluster_layout = layout(&[
+            (0, UNIFORM),
+            (1, WRITE),
+            (2, READ),
+            (3, READ),
+            (4, READ),
+            (5, WRITE),
+            (6, WRITE),
+        ]);
+        let texels = binding::store(TextureFormat::Rgba32Uint, TextureViewDimension::D2);
+        let collapse_layout = layout(&[
+            (0, UNIFORM),
+            (1, WRITE),
+            (2, READ),
+            (3, READ),
+            (4, WRITE),
+            (5, texels),
+            (6, texels),
+        ]);
+        let kernel = |module, entry, layout: &BindGroupLayout| {
+            Kernel {
+                label: &format!("{LABEL}: {entry}"),
+                module,
+                entry,
+                layouts: &[layout],
+                constants: &[],
+                cache,
+            }
+            .create(device)
+        };
+        let module = |stage| Ok::<_, Error>(shader::create(device, LABEL, source(stage)?));
+        let order = module("bvh_order")?;
+        let cluster = module("bvh_cluster")?;
+        let collapse = module("bvh_collapse")?;
+        Ok(Self {
+            plan: kernel(&order, "plan", &order_layout),
+            measure: kernel(&order, "measure", &order_layout),
+            make_keys: kernel(&order, "make_keys", &order_layout),
+            sort: Sort::new(device, cache)?,
+            cluster: kernel(&cluster, "cluster", &cluster_layout),
+            collapse: kernel(&collapse, "collapse", &collapse_layout),
+            collapse_rest: kernel(&collapse, "collapse_rest", &collapse_layout),
+            order_layout,
+            cluster_layout,
+            collapse_layout,
+        })
+    }
+
+    /// Room for `capacity` triangles.
+    pub fn create(&self, device: &Device, capacity: u32) -> Result<TriangleBvh, Error> {
+        let none = BufferUsages::empty();
+        // First: of all that is needed it is what a device's limits refuse before anything else.
+        let binary = storage(
+            device,
+            "deep-screen-space bvh binary nodes",
+            BINARY_NODE_BYTES * u64::from(capacity),
+            none,
+        )?;
+        let state = storage(device, "deep-screen-space bvh state", STATE_BYTES, none)?;
+        let blocks = u64::from(capacity.div_ceil(BLOCK));
+        let clusters = |blocks: u64| {
+            storage(
+                device,
+                "deep-screen-space bvh clusters",
+                8 * u64::from(BLOCK_LEFT) * blocks,
+                none,
+            )
+        };
+        let nodes = most_nodes(capacity);
+        let node_texture = texels(device, "deep-screen-space bvh nodes", nodes, NODE_TEXELS)?;
+        let triangle_texture = texels(
+            device,
+            "deep-screen-space bvh triangles",
+            capacity,
+            TRIANGLE_TEXELS,
+        )?;
+        let view = |texture: &Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
+        Ok(TriangleBvh {
+            capacity,
+            nodes: view(&node_texture),
+            triangles: view(&triangle_texture),
+            node_texture,
+            triangle_texture,
+            dispatches: storage(
+                device,
+                "deep-screen-space bvh dispatches",
+                DISPATCH_BYTES * u64::from(1 + cluster_levels(capacity)),
+                BufferUsages::INDIRECT,
+            )?,
+            order: self.sort.buffer(
+                device,
+                "deep-screen-space order of primitives",
+                capacity,
+                &state,
+            )?,
+            clusters: [clusters(blocks)?, clusters(blocks.div_ceil(4))?],
+            binary,
+            tasks: storage(
+                device,
+                "deep-screen-space bvh tasks",
+                TASK_BYTES * u64::from(nodes),
+                none,
+            )?,
+            state,
+        })
+    }
+
+    /// Records into a pass of its own. `pieces` are the triangles, with the counters of what there are.
+    pub fn record(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        (pieces, counters): (&Buffer, &Buffer),
+        bvh: &TriangleBvh,
+        timestamps: Option<Timestamps<'_>>,
+    ) {
+        // As many threads as pay off: they take nodes in turn, of which only the GPU knows the number.
+        let groups = bvh.capacity.div_ceil(512).clamp(1, 256);
+        let params = |level| {
+            let params = BvhParams {
+                capacity: bvh.capacity,
+                level,
+                threads: groups * WORKGROUP,
+                padding: 0,
+            };
+            uniform(device, LABEL, &params)
+        };
+        let order = |written| {
+            let params = params(0);
+            let resources = [
+                (0, whole(&params)),
+                (1, whole(counters)),
+                (2, whole(pieces)),
+                (3, whole(&bvh.state)),
+                (4, whole(written)),
+                (5, whole(&bvh.order.items)),
+            ];
+            binding::group(device, LABEL, &self.order_layout, &resources)
+        };
+        let plan = order(&bvh.dispatches);
+        // A dispatch cannot bind the buffer that sizes it: these do not write the dispatches, but bind something there.
+        let keys = order(&bvh.tasks);
+        let mut pass = compute_pass(encoder, LABEL, timestamps);
+        dispatch(&mut pass, &self.plan, &plan, 1);
+        pass.set_bind_group(0, &keys, &[]);
+        for pipeline in [&self.measure, &self.make_keys] {
+            pass.set_pipeline(pipeline);
+            pass.dispatch_workgroups_indirect(&bvh.dispatches, 0);
+        }
+        self.sort.record(&mut pass, &bvh.order);
+        pass.set_pipeline(&self.cluster);
+        for level in 0..cluster_levels(bvh.capacity) {
+            let [even, odd] = &bvh.clusters;
+            let (left, below) = if level % 2 == 0 {
+                (even, odd)
+            } else {
+                (odd, even)
+            };
+            let params = params(level);
+            let resources = [
+                (0, whole(&params)),
+                (1, whole(&bvh.state)),
+                (2, whole(pieces)),
+                (3, whole(&bvh.order.items)),
+                (4, whole(below)),
+                (5, whole(left)),
+                (6, whole(&bvh.binary)),
+            ];
+            let group = binding::group(device, LABEL, &self.cluster_layout, &resources);
+            pass.set_bind_group(0, &group, &[]);
+            let at = DISPATCH_BYTES * u64::from(1 + level);
+            pass.dispatch_workgroups_indirect(&bvh.dispatches, at);
+        }
+        for level in 0..=LEVELS {
+            let params = params(level);
+            let resources = [
+                (0, whole(&params)),
+                (1, whole(&bvh.state)),
+                (2, whole(pieces)),
+                (3, whole(&bvh.binary)),
+                (4, whole(&bvh.tasks)),
+                (5, binding::view(&bvh.nodes)),
+                (6, binding::view(&bvh.triangles)),
+            ];
+            let group = binding::group(device, LABEL, &self.collapse_layout, &resources);
+            if level < LEVELS {
+                dispatch(&mut pass, &self.collapse, &group, groups);
+            } else {
+                dispatch(&mut pass, &self.collapse_rest, &group, 1);
+            }
+        }
+    }
+}
+
+/// Every module of the pass.
+pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    for stage in ["bvh_order", "bvh_cluster", "bvh_collapse"] {
+        all.add(stage, source(stage)?);
+    }
+    Ok(())
+}

@@ -1,0 +1,257 @@
+// What a ray meets among the primitives of a bounding volume hierarchy (wgsl/common/bvh_layout.wgsl). Nothing but
+// trace_nearest() and trace_any() is called from outside.
+//
+// The importer declares the textures `nodes` and `triangles`.
+
+#needs nodes triangles
+
+#import ray
+#import bvh_layout
+
+// What a ray enters of a node's children.
+struct Entered {
+  // A bit a child that is a node, and the first one's index.
+  inner: u32,
+  first_node: u32,
+  // Two bits a leaf: those of triangles that there are, and of these those in leaves that the ray enters.
+  present: u32,
+  triangles: u32,
+  first_triangle: u32,
+  // Distances at which the ray enters the children, FAR for those that it does not.
+  t0: vec4f,
+  t1: vec4f,
+}
+
+// Four bytes as floats.
+fn bytes_of(word: u32) -> vec4f {
+  return vec4f((vec4u(word) >> vec4u(0u, 8u, 16u, 24u)) & vec4u(0xffu));
+}
+
+// Whether a ray enters four boxes before t_max, and where. `near` and `far` are the planes that it meets first and last.
+fn enter4(near: vec3u, far: vec3u, scale: vec3f, shift: vec3f, t_max: f32) -> vec4f {
+  let x0 = bytes_of(near.x) * scale.x + shift.x;
+  let y0 = bytes_of(near.y) * scale.y + shift.y;
+  let z0 = bytes_of(near.z) * scale.z + shift.z;
+  let x1 = bytes_of(far.x) * scale.x + shift.x;
+  let y1 = bytes_of(far.y) * scale.y + shift.y;
+  let z1 = bytes_of(far.z) * scale.z + shift.z;
+  let enter = max(max(x0, y0), max(z0, vec4f(0.0)));
+  let leave = min(min(x1, y1), z1) * (1.0 + SLAB_TOLERANCE);
+  return select(vec4f(FAR), enter, enter * (1.0 - SLAB_TOLERANCE) <= min(leave, vec4f(t_max)));
+}
+
+fn bits_of(entered: vec4<bool>) -> u32 {
+  let bits = select(vec4u(0u), vec4u(1u, 2u, 4u, 8u), entered);
+  return (bits.x | bits.y) | (bits.z | bits.w);
+}
+
+// Every bit of eight twice.
+fn twice(bits: u32) -> u32 {
+  var x = (bits | (bits << 4u)) & 0x0f0fu;
+  x = (x | (x << 2u)) & 0x3333u;
+  return ((x | (x << 1u)) & 0x5555u) * 3u;
+}
+
+fn visit_node(ray: Ray, node: u32, t_max: f32) -> Entered {
+#if STATISTICS
+  nodes_visited++;
+#endif
+  let at = node_texel_at(node);
+  let head = textureLoad(nodes, at, 0);
+  let links = textureLoad(nodes, at + vec2u(1u, 0u), 0);
+  let a = textureLoad(nodes, at + vec2u(2u, 0u), 0);
+  let b = textureLoad(nodes, at + vec2u(3u, 0u), 0);
+  let c = textureLoad(nodes, at + vec2u(4u, 0u), 0);
+  let step = bitcast<vec3f>(((vec3u(head.w) >> vec3u(0u, 8u, 16u)) & vec3u(0xffu)) << vec3u(23u));
+  let scale = step * ray.inverse;
+  let shift = (bitcast<vec3f>(head.xyz) - ray.origin) * ray.inverse;
+  let backwards = ray.inverse < vec3f(0.0);
+  let low0 = vec3u(a.x, a.z, b.x);
+  let low1 = vec3u(a.y, a.w, b.y);
+  let high0 = vec3u(b.z, c.x, c.z);
+  let high1 = vec3u(b.w, c.y, c.w);
+  let t0 = enter4(select(low0, high0, backwards), select(high0, low0, backwards), scale, shift, t_max);
+  let t1 = enter4(select(low1, high1, backwards), select(high1, low1, backwards), scale, shift, t_max);
+  let inner = (head.w >> 24u) & 15u;
+  let size = inner + (head.w >> 28u);
+  let bits = (bits_of(t0 < vec4f(FAR)) | (bits_of(t1 < vec4f(FAR)) << 4u)) & ((1u << size) - 1u);
+  return Entered(bits & ((1u << inner) - 1u), links.x, links.z, twice(bits >> inner) & links.z, links.y, t0, t1);
+}
+
+// Where a ray meets a triangle, from either side; FAR where it does not (Moeller and Trumbore 1997). Sets the primitive.
+fn intersect_triangle(ray: Ray, triangle: u32) -> Hit {
+#if STATISTICS
+  primitives_tested++;
+#endif
+  let at = triangle_texel_at(triangle);
+  let corner = textureLoad(triangles, at, 0);
+  let first = bitcast<vec4f>(textureLoad(triangles, at + vec2u(1u, 0u), 0));
+  let second = bitcast<vec4f>(textureLoad(triangles, at + vec2u(2u, 0u), 0));
+  let e1 = first.xyz;
+  let e2 = second.xyz;
+  let p = cross(ray.direction, e2);
+  let det = dot(e1, p);
+  let s = ray.origin - bitcast<vec3f>(corner.xyz);
+  let q = cross(s, e1);
+  let per_det = 1.0 / det;
+  let u = dot(s, p) * per_det;
+  let v = dot(ray.direction, q) * per_det;
+  let ahead = dot(e2, q) * per_det;
+  var t = ahead;
+  let reach = second.w + max_component(abs(ray.origin));
+  // Moving the ray sideways by the rounding of positions moves u and v by this much.
+  let slack = reach * first.w * abs(per_det);
+#if SHADOW_RAYS
+  // What a light lies on casts no shadow: a triangle whose plane is as near to the light as positions are rounded. The
+  // steeper the ray meets the plane the less it lengthens the way; a vector is at most sqrt(3) times its largest component.
+  if ray.end_size >= 0.0 {
+    t += POSITION_TOLERANCE * (reach + ray.end_size) * 1.7320508 * max_component(abs(cross(e1, e2))) * abs(per_det);
+  }
+#endif
+  // A ray within the triangle's plane passes it by; so does one whose figures left the range of f32.
+  let inside = u >= -slack && v >= -slack && u + v <= 1.0 + slack && ahead > 0.0 && abs(det) > 1e-35;
+  return Hit(select(FAR, t, inside), corner.w);
+}
+
+fn triangle_of(entered: Entered, bit: u32) -> u32 {
+  return entered.first_triangle + countOneBits(entered.present & ((1u << bit) - 1u));
+}
+
+// Whether the ray meets a triangle closer than t_max. Of a node's children it goes first into those that are most likely to
+// stop it.
+fn trace_any(ray: Ray, t_max: f32) -> bool {
+  // Of eight successive nodes those that are to be visited: bits 0 to 7, and from bit 8 on the first one's index.
+  var stack: array<u32, MAX_DEPTH>;
+  var top = 0u;
+  var open = 1u;
+  var entered: Entered;
+  var blocked = false;
+  loop {
+    // Down to the next leaves.
+    while entered.triangles == 0u && (open & 0xffu) != 0u {
+      let node = (open >> 8u) + firstTrailingBit(open);
+      open &= open - 1u;
+      entered = visit_node(ray, node, t_max);
+      if entered.inner != 0u {
+        if (open & 0xffu) != 0u {
+          stack[top] = open;
+          top++;
+        }
+        open = (entered.first_node << 8u) | entered.inner;
+      } else if (open & 0xffu) == 0u && top > 0u {
+        top--;
+        open = stack[top];
+      }
+    }
+    if entered.triangles == 0u {
+      break;
+    }
+    while entered.triangles != 0u && !blocked {
+      let hit = intersect_triangle(ray, triangle_of(entered, firstTrailingBit(entered.triangles)));
+      entered.triangles &= entered.triangles - 1u;
+      blocked = hit.t < t_max;
+    }
+    if blocked {
+      break;
+    }
+  }
+  return blocked;
+}
+
+// A distance as a byte that is not larger and has its order: 3 bits after the first and an exponent of 2^-16 to 2^15, which is
+// for scenes of any usual unit; beyond it a bound says less, but nothing wrong.
+const LEAST_DISTANCE: u32 = (127u - 16u) << 3u;
+
+fn distance_bytes(bits: vec4u) -> vec4u {
+  return min(max(bits >> vec4u(20u), vec4u(LEAST_DISTANCE)) - LEAST_DISTANCE, vec4u(255u));
+}
+
+fn distance_of(byte: u32) -> f32 {
+  return select(bitcast<f32>((byte + LEAST_DISTANCE) << 20u), 0.0, byte == 0u);
+}
+
+// The children that a ray enters, in the order in which it does: three bits each from the lowest on, and bounds of the first
+// four's distances, a byte each.
+fn order_of(entered: Entered) -> vec2u {
+  let is_0 = (vec4u(entered.inner) & vec4u(1u, 2u, 4u, 8u)) != vec4u(0u);
+  let is_1 = (vec4u(entered.inner) & vec4u(16u, 32u, 64u, 128u)) != vec4u(0u);
+  // Bits of floats that are not negative have the floats' order.
+  let keys0 = (bitcast<vec4u>(entered.t0) & vec4u(~7u)) | vec4u(0u, 1u, 2u, 3u);
+  let keys1 = (bitcast<vec4u>(entered.t1) & vec4u(~7u)) | vec4u(4u, 5u, 6u, 7u);
+  var a = select(vec4u(0xffffffffu), keys0, is_0);
+  var b = select(vec4u(0xffffffffu), keys1, is_1);
+  // A network of 19 comparisons.
+  a = vec4u(min(a.xy, a.zw), max(a.xy, a.zw));
+  b = vec4u(min(b.xy, b.zw), max(b.xy, b.zw));
+  let least = min(a, b);
+  b = max(a, b);
+  a = least;
+  a = vec4u(min(a.xz, a.yw), max(a.xz, a.yw)).xzyw;
+  b = vec4u(min(b.xz, b.yw), max(b.xz, b.yw)).xzyw;
+  let least_middle = min(a.zw, b.xy);
+  b = vec4u(max(a.zw, b.xy), b.zw);
+  a = vec4u(a.xy, least_middle);
+  let least_odd = min(a.yw, b.xz);
+  let most_odd = max(a.yw, b.xz);
+  a = vec4u(a.x, least_odd.x, a.z, least_odd.y);
+  b = vec4u(most_odd.x, b.y, most_odd.y, b.w);
+  let left = vec3u(a.yw, b.y);
+  let right = vec3u(a.z, b.xz);
+  let low = min(left, right);
+  let high = max(left, right);
+  let bounds = distance_bytes(vec4u(a.x, low.x, high.x, low.y)) << vec4u(0u, 8u, 16u, 24u);
+  let first = (vec4u(a.x, low.x, high.x, low.y) & vec4u(7u)) << vec4u(0u, 3u, 6u, 9u);
+  let last = (vec4u(high.y, low.z, high.z, b.w) & vec4u(7u)) << vec4u(12u, 15u, 18u, 21u);
+  let order = first | last;
+  return vec2u((order.x | order.y) | (order.z | order.w), (bounds.x | bounds.y) | (bounds.z | bounds.w));
+}
+
+// The nearest hit closer than t_max; of two at the same distance that of the primitive with the lower index.
+fn trace_nearest(ray: Ray, t_max: f32) -> Hit {
+  // Of eight successive nodes those that are to be visited: how many in bits 0 to 7, and from bit 8 on the first one's index;
+  // and their order and bounds.
+  var stack: array<vec3u, MAX_DEPTH>;
+  var top = 0u;
+  var open = vec3u(1u, 0u, 0u);
+  var entered: Entered;
+  var best = Hit(t_max, MISS);
+  loop {
+    // Down to the next leaves.
+    while entered.triangles == 0u && (open.x & 0xffu) != 0u {
+      let node = (open.x >> 8u) + (open.y & 7u);
+      let is_near = distance_of(open.z & 0xffu) <= best.t;
+      // The fourth one's bound is one of those after it too.
+      open = vec3u(open.x - 1u, open.y >> 3u, (open.z >> 8u) | (open.z & 0xff000000u));
+      if is_near {
+        entered = visit_node(ray, node, best.t);
+      } else {
+        // Nor are those that are entered after it.
+        entered.inner = 0u;
+        open.x &= ~0xffu;
+      }
+      if entered.inner != 0u {
+        if (open.x & 0xffu) != 0u {
+          stack[top] = open;
+          top++;
+        }
+        open = vec3u((entered.first_node << 8u) | countOneBits(entered.inner), order_of(entered));
+      } else if (open.x & 0xffu) == 0u && top > 0u {
+        top--;
+        open = stack[top];
+      }
+    }
+    if entered.triangles == 0u {
+      break;
+    }
+    while entered.triangles != 0u {
+      let hit = intersect_triangle(ray, triangle_of(entered, firstTrailingBit(entered.triangles)));
+      entered.triangles &= entered.triangles - 1u;
+      // Nothing has been hit yet at t_max itself.
+      let before = hit.t == best.t && hit.primitive < best.primitive && best.primitive != MISS;
+      if hit.t < best.t || before {
+        best = hit;
+      }
+    }
+  }
+  return best;
+}
