@@ -4,7 +4,7 @@
 //   accumulate  compute: this frame's picture and the last history to the next history
 //   show        fragment: the next history to the caller's texture
 //
-// A history is two textures: the receivers of its frame, in the eye space of its frame's camera, and a texel a pixel
+// A history is two textures: the receivers of its frame, relative to the focus of its frame's camera, and a texel a pixel
 // with the mean and the number of frames in it; 0 frames are no history. Every history has these of its own frame, so
 // that a texel can be told to belong to another surface before it counts.
 //
@@ -17,9 +17,9 @@
 #import receiver
 
 struct Params {
-  // The last frame's; its eye is in this frame's eye space.
+  // The last frame's, for positions relative to its own focus.
   previous: Camera,
-  // Eye space of the last frame to homogeneous pixels from the middle of its viewport, y down: x, y and w.
+  // Positions of the last frame to homogeneous pixels from the middle of its viewport, y down: x, y and w.
   project: mat4x4f,
   // This frame's: x, y, width, height in pixels.
   viewport: vec4u,
@@ -36,6 +36,9 @@ struct Params {
   still: u32,
   // 1 where there is no history, or shall be none.
   forget: u32,
+  // The last frame's focus relative to this frame's.
+  previous_focus: vec3f,
+  padding: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -88,7 +91,7 @@ fn current(pixel: vec2i) -> vec3f {
 }
 
 // Where the pixel's surface was in the last picture, as an offset from the pixel: a small number keeps the fraction
-// that a large one loses, and what did not move has exactly 0. `position` is relative to the last eye.
+// that a large one loses, and what did not move has exactly 0. `position` is relative to the last focus.
 fn offset_of(pixel: vec2i, position: vec3f) -> vec2f {
 #if MOTION
   return -params.motion_scale * textureLoad(motion_vectors, vec2i(params.viewport.xy) + pixel, 0).xy;
@@ -103,7 +106,7 @@ fn offset_of(pixel: vec2i, position: vec3f) -> vec2f {
 #endif
 }
 
-// The history at a texel, if it is of the surface at `position` with `normal`, relative to the last eye.
+// The history at a texel, if it is of the surface at `position` with `normal`, relative to the last focus.
 fn tap(at: vec2i, position: vec3f, normal: vec3f) -> History {
   if any(at < vec2i(0)) || any(at >= size()) {
     return NONE;
@@ -114,11 +117,11 @@ fn tap(at: vec2i, position: vec3f, normal: vec3f) -> History {
   }
   // Seen at a grazing angle a surface's distance changes by much from pixel to pixel, but stays in its plane.
   let there = receiver_position(texel);
-  let distance = length(position);
-  let off_distance = abs(length(there) - distance);
+  let distance = length(position - params.previous.eye);
+  let off_distance = abs(length(there - params.previous.eye) - distance);
   let off_plane = abs(dot(normal, there - position));
   if off_distance > params.depth_tolerance * distance
-    && off_plane > PLANE_TOLERANCE * footprint(params.previous, position) {
+    && off_plane > PLANE_TOLERANCE * footprint(params.previous, position - params.previous.eye) {
     return NONE;
   }
   return history_of(textureLoad(previous_means, at, 0));
@@ -209,7 +212,7 @@ fn accumulate(@builtin(global_invocation_id) id: vec3u) {
     next = History(now, select(1.0, 0.0, receiver.w == SKY));
   }
   if receiver.w != SKY && params.forget == 0u {
-    let position = receiver_position(receiver) - params.previous.eye;
+    let position = receiver_position(receiver) - params.previous_focus;
     let normal = unpack_normal(receiver.w);
     let last = fetch(pixel, offset_of(pixel, position), position, normal);
     if last.frames > 0.0 {

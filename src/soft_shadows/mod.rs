@@ -136,7 +136,7 @@ impl SoftShadows {
         let shadow = uniform(
             device,
             LABEL,
-            &ShadowParams::new(&input.map, input.camera.eye()),
+            &ShadowParams::new(&input.map, input.camera.focus()),
         );
         let resources = vec![
             (0, whole(&params)),

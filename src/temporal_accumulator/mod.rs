@@ -272,7 +272,7 @@ impl TemporalAccumulator {
             encoder,
             &input.gbuffer,
             camera,
-            camera.eye(),
+            camera.focus(),
             &next.receivers,
         );
 
