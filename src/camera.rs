@@ -2,14 +2,24 @@
 //!
 //! # Spaces
 //! * **World**: the caller's, in f64 on the CPU.
-//! * **Eye space**: axes of the world, origin at a camera's eye. All positions on the GPU are in the eye space of the
-//!   camera that a [`SurfelCloud`](crate::SurfelCloud) was made for, so that a scene 1e5 units from the world's origin
-//!   keeps the precision of one at the origin.
+//! * **Eye space**: axes of the world, origin at a camera's eye.
+//! * **Focus space**: axes of the world, origin at a camera's [focus](Camera::focus), a point near what it sees. All
+//!   positions on the GPU are in that of the camera that a [`SurfelCloud`](crate::SurfelCloud) was made for, so that a
+//!   scene far from the world's origin, or from the eye, keeps the precision of one at the origin.
 //! * **NDC**: x right, y up, depth 0…1 (wgpu's).
 //!
 //! # Depth
 //! The convention (forward, reversed, infinite, orthographic) is read off the projection matrix: background is the
 //! depth value that lies farther away, 0 or 1. A depth at or beyond it is sky.
+//!
+//! # Precision
+//! Positions are rounded relative to their distance from the focus, and rays start off surfaces by some such roundings.
+//! What the depth buffer itself cannot tell apart is lost before: an orthographic camera's depth of 32 bits has steps of
+//! 6e-8 of the depth range, a perspective one's of 6e-8 of the distance times what the near plane leaves of it
+//! (distance / near, with forward depth). So far from the scene, near and far planes should enclose it: with them right
+//! around a room of 5 units, rays are as good from 1e6 away with an orthographic camera, and from 1e5 with a narrow
+//! perspective one, as from within. Where the near plane cannot be near the scene, [`Camera::with_focus`] says where it is,
+//! and reversed depth in 32-bit floats resolves it.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat3, DMat4, DVec2, DVec3, DVec4};
@@ -63,8 +73,11 @@ pub struct Camera {
     perspective: bool,
     /// The depth value of the background: 0 or 1.
     far_depth: f64,
-    /// Distance of the near plane from the eye plane, world units; 0 for an orthographic camera.
+    /// The least distance of what the near plane leaves in the picture from the eye plane, world units; 0 for an
+    /// orthographic camera.
     near: f64,
+    /// What positions on the GPU are relative to.
+    focus: DVec3,
     /// Inverse projection for `(ndc.x, ndc.y, depth - far_depth, 1)`, into eye space.
     unproject: DMat4,
 }
@@ -77,7 +90,7 @@ impl Camera {
     ///
     /// # Errors
     /// [`Error::Camera`] where the view scales or shears, where the projection is singular, not finite or neither
-    /// perspective nor orthographic, and where the viewport is empty.
+    /// perspective nor orthographic, where its near plane leaves nothing of the picture, and where the viewport is empty.
     pub fn new(view: DMat4, projection: DMat4, viewport: Viewport) -> Result<Self, Error> {
         let refuse = |field, value: String, accepted| {
             Err(Error::Camera {
@@ -117,25 +130,28 @@ impl Camera {
             );
         }
 
-        // Distance from the eye plane at both ends of the depth range; infinite where w is 0 there.
-        let distance_at = |depth: f64| {
-            let h = inverse * DVec4::new(0.0, 0.0, depth, 1.0);
-            if h.w == 0.0 {
-                f64::INFINITY
-            } else {
-                let z = h.z / h.w;
-                // Beyond infinity: some matrices put their far plane past w = 0 by a rounding.
-                if perspective && z * last.z < 0.0 {
-                    f64::INFINITY
-                } else if perspective {
-                    z.abs()
-                } else {
-                    // A right-handed view looks down -z; `with_reversed_depth` serves the other kind.
-                    -z
-                }
-            }
+        // Along a line of sight the inverse of the view depth is linear in the depth, and grows towards the eye: that of a
+        // perspective camera is the homogeneous coordinate, that of an orthographic one the coordinate behind it. A
+        // right-handed view looks down -z; `with_reversed_depth` serves the other kind.
+        let reversed = if perspective {
+            inverse.z_axis.w > 0.0
+        } else {
+            inverse.z_axis.z / inverse.w_axis.w > 0.0
         };
-        let (at_zero, at_one) = (distance_at(0.0), distance_at(1.0));
+        let near_depth = if reversed { 1.0 } else { 0.0 };
+        // An oblique near plane is nearest in a corner of the picture, and may lie behind the eye in others: nothing is
+        // seen there.
+        let nearest = [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)]
+            .map(|(x, y)| inverse.row(3).dot(DVec4::new(x, y, near_depth, 1.0)))
+            .into_iter()
+            .fold(f64::NEG_INFINITY, f64::max);
+        if perspective && nearest <= 0.0 {
+            return refuse(
+                "projection",
+                format!("{projection}"),
+                "a near plane before the eye, somewhere in the picture",
+            );
+        }
         let mut camera = Self {
             eye: -(rotation.transpose() * view.w_axis.truncate()),
             rotation,
@@ -144,13 +160,15 @@ impl Camera {
             perspective,
             far_depth: 0.0,
             near: if perspective {
-                at_zero.min(at_one)
+                1.0 / (nearest * last.z.abs())
             } else {
                 0.0
             },
+            focus: DVec3::ZERO,
             unproject: DMat4::IDENTITY,
         };
-        camera.set_far_depth(if at_zero > at_one { 0.0 } else { 1.0 });
+        camera.set_far_depth(1.0 - near_depth);
+        camera.focus = camera.eye + camera.default_focus();
         Ok(camera)
     }
 
@@ -172,12 +190,48 @@ impl Camera {
         let view = DMat4::from_mat3(rotation) * DMat4::from_translation(-eye);
         let mut camera = Self::new(view, projection, viewport)?;
         camera.eye = eye;
+        camera.focus = eye + camera.default_focus();
         Ok(camera)
     }
 
     /// The eye's position in the world.
     pub fn eye(&self) -> DVec3 {
         self.eye
+    }
+
+    /// The point in the world that positions on the GPU are relative to: they are rounded relative to their distance from it.
+    ///
+    /// That of a perspective camera lies before its eye as far as its near plane, that of an orthographic one, whose eye
+    /// may be anywhere along its axis, in the middle of what it sees; unless [`Camera::with_focus`] says otherwise.
+    pub fn focus(&self) -> DVec3 {
+        self.focus
+    }
+
+    /// The same camera with another focus: a point among what it sees, where that is far from its near plane and small
+    /// against the distance. The picture is the same but for roundings.
+    ///
+    /// # Errors
+    /// [`Error::Camera`] where it is not finite.
+    pub fn with_focus(mut self, focus: DVec3) -> Result<Self, Error> {
+        if !focus.is_finite() {
+            return Err(Error::Camera {
+                field: "focus",
+                value: format!("{focus}"),
+                accepted: "finite",
+            });
+        }
+        self.focus = focus;
+        Ok(self)
+    }
+
+    /// Relative to the eye.
+    fn default_focus(&self) -> DVec3 {
+        if self.perspective {
+            return self.forward() * self.near;
+        }
+        // The middle of the depth range on the middle line of sight.
+        let middle = self.unproject * DVec4::new(0.0, 0.0, 0.5 - self.far_depth, 1.0);
+        middle.truncate() / middle.w
     }
 
     /// The rectangle of the textures that this camera fills.
@@ -270,6 +324,26 @@ impl Camera {
         ))
     }
 
+    /// The line of sight through a place of the viewport, in pixels from its top left corner: where it passes the eye's plane,
+    /// relative to the eye, and its direction, 1 long along the axis.
+    pub fn line_of_sight(&self, x: f64, y: f64) -> (DVec3, DVec3) {
+        let axis = self.axis();
+        let h = self.unproject
+            * DVec4::new(
+                x / f64::from(self.viewport.width) * 2.0 - 1.0,
+                1.0 - y / f64::from(self.viewport.height) * 2.0,
+                0.0,
+                1.0,
+            );
+        if self.perspective {
+            // Homogeneous points of a perspective camera are their line's direction, whatever the depth.
+            let direction = h.truncate();
+            return (DVec3::ZERO, direction / axis.dot(direction));
+        }
+        let p = h.truncate() / h.w;
+        (p - axis * axis.dot(p), axis)
+    }
+
     /// Unit vector along the axis, away from the camera: what distances from its eye's plane grow along.
     pub(crate) fn axis(&self) -> DVec3 {
         let axis = if self.perspective {
@@ -284,6 +358,21 @@ impl Camera {
             }
         };
         axis.normalize_or_zero()
+    }
+
+    /// How far the focus is from the eye along the axis.
+    pub(crate) fn focus_depth(&self) -> f64 {
+        self.axis().dot(self.focus - self.eye)
+    }
+
+    /// What grows by this for each unit of depth, along any line of sight: the view depth of an orthographic camera, one over
+    /// it of another. Negative where nearer is larger, or smaller for the latter.
+    pub(crate) fn linear_slope(&self) -> f64 {
+        if self.perspective {
+            self.unproject.z_axis.w * self.projection.row(3).z.abs()
+        } else {
+            self.axis().dot(self.unproject.z_axis.truncate()) / self.unproject.w_axis.w
+        }
     }
 
     /// Whether a depth value is nearer than the background.
@@ -307,9 +396,16 @@ impl Camera {
         }
     }
 
-    /// Takes points in eye space to pixels of the viewport: `(x w, y w, w, 0)`.
-    pub(crate) fn pixel_matrix(&self) -> DMat4 {
-        let clip = self.projection * DMat4::from_mat3(self.rotation);
+    /// Takes points relative to `origin` to clip space.
+    pub(crate) fn clip_matrix(&self, origin: DVec3) -> DMat4 {
+        self.projection
+            * DMat4::from_mat3(self.rotation)
+            * DMat4::from_translation(origin - self.eye)
+    }
+
+    /// Takes points relative to `origin` to pixels of the viewport: `(x w, y w, w, 0)`.
+    pub(crate) fn pixel_matrix(&self, origin: DVec3) -> DMat4 {
+        let clip = self.clip_matrix(origin);
         let w = clip.row(3);
         let half = 0.5 * DVec2::new(self.viewport.width.into(), self.viewport.height.into());
         let x = half.x * (w + clip.row(0));
@@ -317,15 +413,81 @@ impl Camera {
         DMat4::from_cols(x, y, w, DVec4::ZERO).transpose()
     }
 
-    /// Takes `(x, y, depth - far_depth, 1)`, x and y in pixels of the viewport, to homogeneous points in eye space.
-    pub(crate) fn unpixel_matrix(&self) -> DMat4 {
+    /// Takes what [`CameraParams::unproject`] does, with x and y in pixels of the viewport in place of NDC, to the same.
+    pub(crate) fn unpixel_matrix(&self, origin: DVec3) -> DMat4 {
         let size = DVec3::new(self.viewport.width.into(), self.viewport.height.into(), 1.0);
-        self.unproject
+        self.unproject_matrix(origin).0
             * DMat4::from_translation(DVec3::new(-1.0, 1.0, 0.0))
             * DMat4::from_scale(DVec3::new(2.0, -2.0, 1.0) / size)
     }
 
-    /// Planes `(normal, offset)` in the eye space of `origin`, normals inward: a visible point `p` has
+    /// [`CameraParams::unproject`] for positions relative to `origin`, and its reference.
+    fn unproject_matrix(&self, origin: DVec3) -> (DMat4, f32) {
+        // The depth that the origin would have on the middle line of sight, or the nearest one that a buffer can hold.
+        // Positions there are the matrix' constants, so that nothing cancels near the origin.
+        let away = self.axis().dot(origin - self.eye);
+        let (middle, slope) = (self.unproject.w_axis, self.unproject.z_axis);
+        let offset = if self.perspective {
+            (self.projection.row(3).z.abs() * away).recip() - middle.w
+        } else {
+            self.axis()
+                .dot(origin - self.eye - middle.truncate() / middle.w)
+                * middle.w
+        };
+        let per_depth = if self.perspective {
+            slope.w
+        } else {
+            self.axis().dot(slope.truncate())
+        };
+        let depth = self.far_depth + offset / per_depth;
+        let reference = if depth.is_finite() && (!self.perspective || away > 0.0) {
+            depth.clamp(0.0, 1.0) as f32
+        } else {
+            1.0 - self.far_depth as f32
+        };
+        let moved = DMat4::from_translation(self.eye - origin)
+            * self.unproject
+            * DMat4::from_translation(DVec3::new(0.0, 0.0, f64::from(reference) - self.far_depth));
+        let mut matrix = moved;
+        matrix.w_axis.w = self.unproject.w_axis.w;
+        (matrix, reference)
+    }
+
+    /// The lines of sight, for positions relative to `origin`.
+    pub(crate) fn rays(&self, origin: DVec3) -> RayParams {
+        let to_eye = self.eye - origin;
+        let columns = |m: [DVec3; 3]| m.map(|column| column.extend(0.0).as_vec4().to_array());
+        let [x, y, _, w] = [0, 1, 2, 3].map(|i| self.unproject.col(i).truncate());
+        let axis = self.axis();
+        // From where a line passes the plane across the axis through the origin.
+        if self.perspective {
+            // Homogeneous points of a perspective camera are their line's direction, whatever the depth.
+            let scale = axis.dot(w).recip();
+            let away = -axis.dot(to_eye);
+            let direction = [x * scale, y * scale, w * scale];
+            let base = [
+                direction[0] * away,
+                direction[1] * away,
+                direction[2] * away + to_eye,
+            ];
+            return RayParams {
+                base: columns(base),
+                direction: columns(direction),
+            };
+        }
+        let scale = self.unproject.w_axis.w.recip();
+        let across = |p: DVec3| p - axis * axis.dot(p);
+        RayParams {
+            base: columns([
+                across(x * scale),
+                across(y * scale),
+                across(w * scale + to_eye),
+            ]),
+            direction: columns([DVec3::ZERO, DVec3::ZERO, axis]),
+        }
+    }
+
+    /// Planes `(normal, offset)` relative to `origin`, normals inward: a visible point `p` has
     /// `dot(normal, p) + offset >= 0` for all of them. A plane at infinity accepts all.
     pub(crate) fn frustum(&self, origin: DVec3) -> [DVec4; 6] {
         let clip = self.projection * DMat4::from_mat3(self.rotation);
@@ -350,13 +512,14 @@ impl Camera {
         })
     }
 
-    /// What the shaders read, for positions in the eye space of `origin`.
+    /// What the shaders read, for positions relative to `origin`.
     pub(crate) fn params(&self, origin: DVec3) -> CameraParams {
         let footprint = self.footprint();
         let rotation = self.rotation.transpose();
         let axis = |v: DVec3| v.extend(0.0).as_vec4().to_array();
+        let (unproject, reference) = self.unproject_matrix(origin);
         CameraParams {
-            unproject: self.unproject.as_mat4().to_cols_array_2d(),
+            unproject: unproject.as_mat4().to_cols_array_2d(),
             view_to_world: [
                 axis(rotation.x_axis),
                 axis(rotation.y_axis),
@@ -373,7 +536,7 @@ impl Camera {
             pixel: footprint.pixel as f32,
             near: footprint.near as f32,
             perspective: u32::from(self.perspective),
-            padding: 0,
+            reference,
         }
     }
 }
@@ -384,7 +547,7 @@ impl Camera {
 pub struct Footprint {
     /// Side of a pixel (geometric mean of width and height) at unit distance, or everywhere.
     pub pixel: f64,
-    /// The near plane's distance: nothing nearer asks for finer detail.
+    /// The near plane's distance where it is nearest in the picture: nothing nearer asks for finer detail.
     pub near: f64,
     /// Whether the footprint grows with distance.
     pub perspective: bool,
@@ -406,6 +569,8 @@ impl Footprint {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct CameraParams {
+    /// Takes `(ndc.x, ndc.y, depth - reference, 1)` to homogeneous points relative to the origin; but the homogeneous
+    /// coordinate is of `depth - far_depth`, where it would cancel else.
     pub(crate) unproject: [[f32; 4]; 4],
     pub(crate) view_to_world: [[f32; 4]; 3],
     pub(crate) eye: [f32; 3],
@@ -414,7 +579,15 @@ pub struct CameraParams {
     pub(crate) pixel: f32,
     pub(crate) near: f32,
     pub(crate) perspective: u32,
-    pub(crate) padding: u32,
+    pub(crate) reference: f32,
+}
+
+/// `Rays` of `wgsl/common/camera.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct RayParams {
+    pub(crate) base: [[f32; 4]; 3],
+    pub(crate) direction: [[f32; 4]; 3],
 }
 
 impl CameraParams {

@@ -82,7 +82,7 @@ fn check(effect: &Effect, shader: &str, name: &str, fields: &[(&str, usize)], si
 #[test]
 fn structs_match_the_shaders() {
     let ao = AmbientOcclusion::default().effect();
-    let camera = fields!(CameraParams: unproject, view_to_world, eye, far_depth, viewport, pixel, near, perspective);
+    let camera = fields!(CameraParams: unproject, view_to_world, eye, far_depth, viewport, pixel, near, perspective, reference);
     for shader in [
         "surfelizer",
         "receivers",
@@ -199,7 +199,7 @@ fn structs_match_the_shaders() {
     shaded("Params", &params, size_of::<SurfelShaderParams>());
     let light = fields!(LightParams: position, kind, direction, outer, color, sharpness);
     shaded("Light", &light, size_of::<LightParams>());
-    let camera = fields!(ShadowCameraParams: clip, eye, far_depth, viewport, texel, depth_scale, depth_offset, perspective);
+    let camera = fields!(ShadowCameraParams: clip, viewport, texel, depth_scale, per_w, perspective, far_depth);
     shaded("ShadowCamera", &camera, size_of::<ShadowCameraParams>());
     let shadow = fields!(ShadowParams: cameras, count, bias, depth_step);
     shaded("Shadow", &shadow, size_of::<ShadowParams>());
@@ -261,7 +261,7 @@ fn structs_match_the_shaders() {
         size_of::<DiskParams>(),
     );
     let hull = fields!(SgHullParams: camera, along, capacity, grid, tiles, f0, texel, exact_room, misfit, plane_distance, gap,
-        normal_cosine, quad, split_room);
+        normal_cosine, quad, split_room, rays);
     let segment = fields!(HullSegment: rect, nearest, farthest, anchor, normal, spread);
     let counts = fields!(SgHullCounts: segments, fallbacks, fallback_pixels, gathered, draw, misfits, exact_pixels,
         mean_irradiance, splits, points, parts, round, padding);
@@ -327,7 +327,7 @@ fn structs_match_the_shaders() {
     let sort = fields!(SortParams: shift, blocks);
     check(&ao, "sort", "Params", &sort, size_of::<SortParams>());
     let temporal = fields!(TemporalParams: previous, project, viewport, motion_scale, max_frames, depth_tolerance,
-        normal_tolerance, deviations, still, forget);
+        normal_tolerance, deviations, still, forget, previous_focus);
     for shader in ["temporal_accumulator", "temporal_accumulator show"] {
         check(
             &ao,
@@ -337,7 +337,7 @@ fn structs_match_the_shaders() {
             size_of::<TemporalParams>(),
         );
     }
-    let obscurance = fields!(ObscuranceParams: camera, to_pixel, from_pixel, right, level, up, center, back, thickness, normals,
+    let obscurance = fields!(ObscuranceParams: camera, to_pixel, from_pixel, rays, right, level, up, center, back, thickness, normals,
         depth_step, depth_relative, radii, radius_count, combine, max_pixels, box_half_width, seed, turn, moment_levels, samples);
     for variant in ["", " normals areas list"] {
         check(

@@ -57,7 +57,8 @@ const MOST_TRIANGLES: u32 = 1 << 25;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Surfel {
-    /// Centre, in the eye space of the camera that the cloud was recorded for (world axes, origin at its eye).
+    /// Centre, in the cloud's space: world axes, origin at the [focus](crate::Camera::focus) of the camera that it was
+    /// recorded for.
     pub position: [f32; 3],
     /// Radius, world units.
     pub radius: f32,
@@ -101,7 +102,7 @@ pub struct SurfelRadiance {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Piece {
-    /// First corner, in the cloud's eye space.
+    /// First corner, in the cloud's space.
     pub a: [f32; 3],
     /// Index into the caller's material table.
     pub material: u32,
@@ -274,7 +275,8 @@ impl SurfelCloud {
         self.capacity
     }
 
-    /// The eye, in world space, that positions are relative to: that of the camera last recorded.
+    /// The point, in world space, that positions are relative to: the [focus](crate::Camera::focus) of the camera last
+    /// recorded.
     pub fn origin(&self) -> DVec3 {
         self.origin
     }

@@ -235,7 +235,7 @@ fn rays(
             Some(PixelRay {
                 pixel: [pixel % width, pixel / width],
                 receiver,
-                origin: off_surface(camera, camera.eye(), receiver.position, receiver.normal),
+                origin: off_surface(camera, camera.focus(), receiver.position, receiver.normal),
                 direction: drawn.as_ref()?.direction,
             })
         })
@@ -627,7 +627,7 @@ fn closed_rooms_leak_through_disks_and_not_through_pieces() {
 fn traced(shot: &Shot, rays: &[PixelRay], radius: f32) -> Vec<bool> {
     rays.par_iter()
         .map(|ray| {
-            let origin = ray.origin + shot.camera.eye();
+            let origin = ray.origin + shot.camera.focus();
             shot.tracer
                 .occluded(origin, ray.direction, 0.0, f64::from(radius))
         })

@@ -431,6 +431,7 @@ fn receivers_are_where_the_camera_says() {
                 right::perspective_infinite_reverse(1.0, 1.0, 0.1),
                 Viewport::full(1, 1),
             )
+            .and_then(|camera| camera.with_focus(origin))
             .expect("a camera");
             passes.emit(&gpu, &cloud_camera, &[DVec3::X], 1);
             let (inside, all, texture) = depths(&case, &camera);
@@ -639,7 +640,7 @@ fn every_depth_format_is_read() {
                 .expect("a depth format");
             let decoder = Decoder {
                 camera: &camera,
-                origin: camera.eye(),
+                origin: camera.focus(),
                 depth_format: format,
                 normal_encoding: NormalEncoding::Signed,
                 normal_space: NormalSpace::View,
@@ -782,7 +783,7 @@ fn every_normal_encoding_is_read() {
                 .expect("a normal format");
             let decoder = Decoder {
                 camera: &camera,
-                origin: camera.eye(),
+                origin: camera.focus(),
                 depth_format: Format::R32Float,
                 normal_encoding: encoding,
                 normal_space: space,

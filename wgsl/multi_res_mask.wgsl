@@ -108,15 +108,16 @@ fn contrast(a: Sample, b: Sample) -> vec3f {
 }
 
 // The second difference of what is linear over the image on a plane: its share that is linear in the pixel drops out, so
-// that depth alone is left.
-fn bend(before: Sample, centre: Sample, after: Sample, scale: f32) -> f32 {
+// that depth alone is left. `scale` is the pixel's, and changes by `step_in_scale` from pixel to pixel.
+fn bend(before: Sample, centre: Sample, after: Sample, scale: f32, step_in_scale: f32) -> f32 {
   // What the depths' rounding alone can amount to is no edge: each may be off by a step.
   let depth = max(max(abs(before.depth), abs(after.depth)), abs(centre.depth));
   let step = params.depth_step + params.depth_relative * depth;
   let difference = abs((before.depth - centre.depth) + (after.depth - centre.depth));
   let far = params.camera.far_depth;
   let depths = params.scale.w * (vec3f(before.depth, centre.depth, after.depth) - far);
-  let nearest = max(scale + max_component(depths), 1e-30);
+  let scales = scale + step_in_scale * vec3f(-1.0, 0.0, 1.0);
+  let nearest = max(max_component(scales + depths), 1e-30);
   let value = max(difference - 4.0 * step, 0.0) * params.slope / nearest;
   return select(value, 0.0, before.sky + centre.sky + after.sky > 0.0);
 }
@@ -138,7 +139,8 @@ fn edge(pixel: vec2i, centre: Sample, before: array<Sample, 2>, after: array<Sam
 #endif
   let ndc = (vec2f(pixel) + 0.5) / vec2f(size) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
   let scale = dot(params.scale.xyz, vec3f(ndc, 1.0));
-  let bends = vec2f(bend(before[0], centre, after[0], scale), bend(before[1], centre, after[1], scale));
+  let steps = params.scale.xy * vec2f(2.0, -2.0) / vec2f(size);
+  let bends = vec2f(bend(before[0], centre, after[0], scale, steps.x), bend(before[1], centre, after[1], scale, steps.y));
   let between = select(vec2f(0.0), bends, (pixel > vec2i(0)) & (pixel < (size - 1)));
   value = max(value, beyond(max(between.x, between.y), params.depth_threshold));
 #if GIVEN

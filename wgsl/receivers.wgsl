@@ -1,4 +1,4 @@
-// Receivers: what the other passes read of the caller's G-buffer, decoded once: position in the cloud's eye space and
+// Receivers: what the other passes read of the caller's G-buffer, decoded once: position in the cloud's space and
 // shading normal (wgsl/common/receiver.wgsl), for the pixels of the viewport. With LIST, of a sub-image: for those of its
 // pixels that are listed; to the passes that follow, the others are the sky.
 //

@@ -12,7 +12,7 @@ struct Params {
   normals: vec2u,
   depth_step: f32,
   depth_relative: f32,
-  // From a position relative to the camera's eye to clip space.
+  // To clip space.
   project: mat4x4f,
   level: u32,
   samples: u32,
@@ -47,7 +47,7 @@ fn ball_point(i: u32, turn: f32) -> vec3f {
 
 // What of the radiance that a sample finds arrives, in units of irradiance / pi.
 fn arriving(p: Surface, at: vec3f, area: f32) -> vec3f {
-  let clip = params.project * vec4f(at - params.camera.eye, 1.0);
+  let clip = params.project * vec4f(at, 1.0);
   let uv = clip.xy / clip.w * vec2f(0.5, -0.5) + 0.5;
   if !(clip.w > 0.0 && all(uv >= vec2f(0.0)) && all(uv < vec2f(1.0))) {
     return vec3f(0.0);
@@ -59,9 +59,9 @@ fn arriving(p: Surface, at: vec3f, area: f32) -> vec3f {
   if seen.w == 0.0 {
     return vec3f(0.0);
   }
-  let q = seen.xyz + params.camera.eye;
+  let q = seen.xyz;
   // Nothing is in front of the sample, and what is seen is behind it.
-  if dot(at - q, to_camera(params.camera, seen.xyz)) >= 0.0 {
+  if dot(at - q, to_camera(params.camera, q - params.camera.eye)) >= 0.0 {
     return vec3f(0.0);
   }
   let offset = q - p.position;

@@ -115,7 +115,7 @@ fn place_vertices(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invoca
     let segment = segments[slot];
     if is_tiny(segment) {
       let anchor = textureLoad(receivers, pixel_at(segment.anchor), 0);
-      here = Place(relative(params, anchor), unpack_normal(anchor.w), true);
+      here = Place(receiver_position(anchor), unpack_normal(anchor.w), true);
       owner = index - index % 4u;
       // One vertex at the anchor, for when the pixels find no room.
       is_listed = owner == index && !has_room(params);
@@ -127,7 +127,7 @@ fn place_vertices(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invoca
       is_listed = owner == index;
     }
     let none = vec4f(0.0);
-    vertices[index] = HullVertex(here.position + params.camera.eye, dot(params.along, here.position), none, none, none,
+    vertices[index] = HullVertex(here.position, view_depth(params, here.position), none, none, none,
       vec3f(0.0), owner, vec3f(0.0), 0u);
     if is_listed {
       rank = atomicAdd(&listed, 1u);

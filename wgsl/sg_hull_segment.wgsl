@@ -186,7 +186,7 @@ fn add_to_box(slot: u32, low: vec2u, high: vec2u, nearest: f32, farthest: f32) {
 // Joins a pixel of the list to a segment.
 fn join(pixel: vec2u, texel: vec4u, slot: u32, first_slot: u32) {
   segment_of[pixel.y * params.camera.viewport.z + pixel.x] = first_slot + slot;
-  let depth = dot(params.along, relative(params, texel));
+  let depth = view_depth(params, receiver_position(texel));
   add_to_box(slot, pixel, pixel + 1u, depth, depth);
   atomicSub(&unassigned, 1u);
 }
@@ -255,7 +255,7 @@ fn segment(@builtin(workgroup_id) tile_id: vec3u, @builtin(local_invocation_inde
       let offset = entry >> 10u;
       let pixel = first_pixel(texel_at(tile, t)) + offset_of(offset);
       if segment_of[pixel.y * width + pixel.x] == UNASSIGNED {
-        let depth = dot(params.along, relative(params, load(pixel)));
+        let depth = view_depth(params, receiver_position(load(pixel)));
         atomicMin(&labels[t], (ordered(depth) & 0xffff0000u) | offset);
       }
     }

@@ -76,8 +76,8 @@ fn place_points(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocati
     pixel = select(pixel, other, is_of_segment(other, slot));
   }
   let place = place_at(segment, slot, edge, pixel);
-  splits[i].points[k % SPLIT_POINTS] = SplitPoint(place.position + params.camera.eye, pack_normal(place.normal), vec3f(0.0),
-    dot(params.along, place.position));
+  splits[i].points[k % SPLIT_POINTS] = SplitPoint(place.position, pack_normal(place.normal), vec3f(0.0),
+    view_depth(params, place.position));
 }
 
 // What a rasteriser shows of corners at a point of their rectangle, 0 to 1 across: two triangles.

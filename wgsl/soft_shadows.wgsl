@@ -99,10 +99,10 @@ fn gap(r: Receiver, found: LookUp) -> f32 {
   if camera.perspective == 0u {
     return max(camera.depth_scale * (found.depth - found.nearest), 0.0);
   }
-  // Distances along the axis relate as those along the ray.
-  let own = camera.depth_scale / (found.depth - camera.depth_offset);
-  let nearest = camera.depth_scale / (found.nearest - camera.depth_offset);
-  let share = clamp(1.0 - nearest / own, 0.0, 1.0);
+  // Distances along the axis relate as those along the ray. Of two depths d = scale / distance + constant of one ray.
+  let own = found.w * camera.per_w;
+  let apart = (found.nearest - found.depth) * own;
+  let share = clamp(apart / (camera.depth_scale + apart), 0.0, 1.0);
   return share * select(own, r.arrival.distance, params.light.kind != DIRECTIONAL);
 }
 

@@ -27,7 +27,7 @@
 
 struct Params {
   camera: Camera,
-  // Inward planes (normal, offset) of the views to cull by, six each, in the cloud's eye space.
+  // Inward planes (normal, offset) of the views to cull by, six each, in the cloud's space.
   planes: array<vec4f, 24>,
   view_count: u32,
   triangle_count: u32,
@@ -40,7 +40,7 @@ struct Params {
   // How far a surfel's effect reaches: a multiple of its radius, and a distance; the smaller one holds.
   reach_radii: f32,
   reach_world: f32,
-  // The eye that the cloud is relative to, as two floats a coordinate: high + low.
+  // The focus that the cloud is relative to, as two floats a coordinate: high + low.
   origin_high: vec3f,
   placement: u32,
   origin_low: vec3f,
@@ -139,7 +139,7 @@ fn area_root(t: Triangle) -> f32 {
 
 // The radius that a surfel at p should have. Euclidean distance: the view depth of the paper explodes beside the camera.
 fn target_radius(p: vec3f) -> f32 {
-  return params.radius_pixels * footprint(params.camera, p);
+  return params.radius_pixels * footprint(params.camera, p - params.camera.eye);
 }
 
 // The area of a triangle in units of the target's, pi r*^2.
@@ -196,7 +196,7 @@ fn seen_by_views(t: Triangle) -> u32 {
   // The largest radius that a surfel of this triangle can get: rounding to a power of two gives a factor of 2^(1/4), and
   // thinning one of density^(-1/2).
   let farthest = params.camera.pixel
-    * select(1.0, max(length(center) + extent, params.camera.near), params.camera.perspective != 0u);
+    * select(1.0, max(length(center - params.camera.eye) + extent, params.camera.near), params.camera.perspective != 0u);
   let radius = 1.25 * params.radius_pixels * farthest * max(1.0, inverseSqrt(params.density));
   let reach = min(params.reach_radii * radius, params.reach_world);
   // Not a loop: its rounds would count (MAX_ROUNDS).
@@ -230,11 +230,12 @@ fn classify(t: Triangle, coarseness: u32) -> u32 {
   if params.camera.perspective != 0u {
     let center = centroid(t);
     let edge = sqrt(max(length2(t.b - t.a), max(length2(t.c - t.b), length2(t.a - t.c))));
-    var extent = PIECE_EXTENT * max(length(center), params.camera.near);
+    let from_eye = center - params.camera.eye;
+    var extent = PIECE_EXTENT * max(length(from_eye), params.camera.near);
     if params.surfel_capacity == 0u {
       // The nearest point is no nearer than the plane, nor than the circle around the centroid.
       let normal = normalize_or(area_vector(t).direction, vec3f(0.0));
-      let nearest = max(abs(dot(normal, center)), length(center) - edge * (2.0 / 3.0));
+      let nearest = max(abs(dot(normal, from_eye)), length(from_eye) - edge * (2.0 / 3.0));
       extent = RAY_PIECE_EXTENT * max(nearest, params.camera.near);
     }
     if edge > extent * f32(1u << coarseness) {
@@ -335,7 +336,7 @@ fn relative_to_origin(p: vec3f) -> vec3f {
   return (p - params.origin_high) - params.origin_low;
 }
 
-// Triangle `i` of the draw in the cloud's eye space; all zero where it is unusable.
+// Triangle `i` of the draw in the cloud's space; all zero where it is unusable.
 fn fetch(i: u32) -> Triangle {
   let none = Triangle(vec3f(0.0), vec3f(0.0), vec3f(0.0));
   let instance = i / mesh.triangles;

@@ -5,7 +5,7 @@
 //   accumulate  compute: this frame's picture and the last history to the next history
 //   show        fragment: the next history to the caller's texture
 //
-// A history is two textures: the receivers of its frame, in the eye space of its frame's camera, and a texel a pixel
+// A history is two textures: the receivers of its frame, relative to the focus of its frame's camera, and a texel a pixel
 // with the mean and the number of frames in it; 0 frames are no history. Every history has these of its own frame, so
 // that a texel can be told to belong to another surface before it counts.
 //
@@ -18,9 +18,9 @@
 #import receiver
 
 struct Params {
-  // The last frame's; its eye is in this frame's eye space.
+  // The last frame's, for positions relative to its own focus.
   previous: Camera,
-  // Eye space of the last frame to homogeneous pixels from the middle of its viewport, y down: x, y and w.
+  // Positions of the last frame to homogeneous pixels from the middle of its viewport, y down: x, y and w.
   project: mat4x4f,
   // This frame's: x, y, width, height in pixels.
   viewport: vec4u,
@@ -37,6 +37,9 @@ struct Params {
   still: u32,
   // 1 where there is no history, or shall be none.
   forget: u32,
+  // The last frame's focus relative to this frame's.
+  previous_focus: vec3f,
+  padding: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -77,7 +80,7 @@ fn apart(a: vec2f, b: vec2f) -> bool {
 
 // Where a surface that stands still was in the last picture, as an offset from its pixel: a small number keeps the
 // fraction that a large one loses, and under a camera that did not move it is exactly 0. `position` is relative to the last
-// eye.
+// focus.
 fn still_offset(pixel: vec2i, position: vec3f) -> vec2f {
   if params.still != 0u {
     return vec2f(0.0);
@@ -111,7 +114,7 @@ fn claim(@builtin(global_invocation_id) id: vec3u) {
   if receiver.w == SKY || !is_near(offset) {
     return;
   }
-  if !apart(offset, still_offset(pixel, receiver_position(receiver) - params.previous.eye)) {
+  if !apart(offset, still_offset(pixel, receiver_position(receiver) - params.previous_focus)) {
     return;
   }
   // All texels within a pixel and a half, so that what was larger then leaves no gaps.
@@ -175,8 +178,8 @@ fn is_claimed(at: vec2i, offset: vec2f) -> bool {
 }
 #endif
 
-// The history at a texel, if it is of the surface at `position` with `normal`, relative to the last eye, which was at
-// `offset`.
+// The history at a texel, if it is of the surface at `position` with `normal`, relative to the last focus, which was
+// at `offset`.
 fn tap(at: vec2i, offset: vec2f, position: vec3f, normal: vec3f) -> History {
   if any(at < vec2i(0)) || any(at >= size()) {
     return NONE;
@@ -187,10 +190,10 @@ fn tap(at: vec2i, offset: vec2f, position: vec3f, normal: vec3f) -> History {
   }
   // Seen at a grazing angle a surface's distance changes by much from pixel to pixel, but stays in its plane.
   let there = receiver_position(texel);
-  let distance = length(position);
-  let off_distance = abs(length(there) - distance);
+  let distance = length(position - params.previous.eye);
+  let off_distance = abs(length(there - params.previous.eye) - distance);
   let off_plane = abs(dot(normal, there - position));
-  let side = footprint(params.previous, position);
+  let side = footprint(params.previous, position - params.previous.eye);
   if off_distance > params.depth_tolerance * distance && off_plane > PLANE_TOLERANCE * side {
     return NONE;
   }
@@ -286,7 +289,7 @@ fn accumulate(@builtin(global_invocation_id) id: vec3u) {
     next = History(now, select(1.0, 0.0, receiver.w == SKY));
   }
   if receiver.w != SKY && params.forget == 0u {
-    let position = receiver_position(receiver) - params.previous.eye;
+    let position = receiver_position(receiver) - params.previous_focus;
     let normal = unpack_normal(receiver.w);
     let last = fetch(pixel, offset_of(pixel, position), position, normal);
     if last.frames > 0.0 {

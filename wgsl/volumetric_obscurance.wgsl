@@ -21,10 +21,11 @@
 
 struct Params {
   camera: Camera,
-  // Points relative to the camera's eye to pixels of the viewport, (x w, y w, w, 0).
+  // Points relative to the camera's focus, as all are, to pixels of the viewport, (x w, y w, w, 0).
   to_pixel: mat4x4f,
-  // (x, y, depth - far_depth, 1), x and y in pixels of the viewport, to homogeneous points relative to the camera's eye.
+  // As the camera's unproject, with x and y in pixels of the viewport.
   from_pixel: mat4x4f,
+  rays: Rays,
   // The camera's right, its up, and the unit vector along which view depth falls.
   right: vec3f,
   level: u32,
@@ -80,14 +81,13 @@ override COUNT: u32 = 1u;
 @group(0) @binding(5) var<storage, read> moments: array<vec4f>;
 #endif
 
-// A point of the viewport as seen, relative to this camera's eye.
+// A point of the viewport as seen.
 struct Receiver {
   position: vec3f,
   normal: vec3f,
   // To the eye.
   axis: vec3f,
-  // As from_pixel takes it.
-  place: vec4f,
+  place: Place,
   // What from_pixel gives along the axis and along the normal.
   rows: mat2x4f,
   // How far depths may be off, along the axis.
@@ -123,25 +123,32 @@ fn depth_at(pixel: vec2u) -> f32 {
   return textureLoad(depth_texture, params.camera.viewport.xy + pixel, 0).x;
 }
 
-// (x, y, depth - far_depth, 1) of a pixel's centre.
-fn place_of(pixel: vec2f, depth: f32) -> vec4f {
-  return vec4f(pixel + 0.5, depth - params.camera.far_depth, 1.0);
+// A pixel's centre with its depth, as from_pixel takes it.
+struct Place {
+  // (x, y, depth - reference, 1).
+  at: vec4f,
+  // depth - far_depth.
+  off_far: f32,
 }
 
-fn is_foreground(place: vec4f) -> bool {
-  let nearer = select(-place.z, place.z, params.camera.far_depth == 0.0);
+fn place_of(pixel: vec2f, depth: f32) -> Place {
+  return Place(vec4f(pixel + 0.5, depth - params.camera.reference, 1.0), depth - params.camera.far_depth);
+}
+
+fn is_foreground(place: Place) -> bool {
+  let nearer = select(-place.off_far, place.off_far, params.camera.far_depth == 0.0);
   return nearer > 0.0 && nearer < 1e30;
 }
 
 // The homogeneous coordinate that from_pixel gives.
-fn weight_of(place: vec4f) -> f32 {
+fn weight_of(place: Place) -> f32 {
   let m = params.from_pixel;
-  return dot(vec4f(m[0].w, m[1].w, m[2].w, m[3].w), place);
+  return dot(vec4f(m[0].w, m[1].w, m[2].w, m[3].w), vec4f(place.at.xy, place.off_far, 1.0));
 }
 
-// How far along a receiver's axis and normal a place's surface lies from the eye.
-fn along_rows(rows: mat2x4f, place: vec4f) -> vec2f {
-  return (place * rows) / weight_of(place);
+// How far along a receiver's axis and normal a place's surface lies from the focus.
+fn along_rows(rows: mat2x4f, place: Place) -> vec2f {
+  return (place.at * rows) / weight_of(place);
 }
 
 // Whether a place is in the viewport.
@@ -218,16 +225,9 @@ fn look_around(receiver: Receiver, scale: f32, h: vec3f, level: f32) -> Seen {
   }
   let m = moments_around(place, level);
   // The point of that view depth on the line through the place.
-  let p = params.from_pixel * vec4f(place, 0.0, 1.0);
-  var direction = -params.back;
-  var base = vec3f(0.0);
-  if params.camera.perspective != 0u {
-    direction = p.xyz / -dot(p.xyz, params.back);
-  } else {
-    base = p.xyz / p.w;
-    base -= params.back * dot(base, params.back);
-  }
-  let apart = base + direction * m.x - receiver.position;
+  let ndc = vec3f(place / vec2f(params.camera.viewport.zw) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0), 1.0);
+  let direction = params.rays.direction * ndc;
+  let apart = params.rays.base * ndc + direction * m.x - receiver.position;
   let offset = vec2f(dot(apart, receiver.axis), dot(apart, receiver.normal)) / scale;
   let spread = params.box_half_width * sqrt(m.y) * abs(dot(direction, receiver.axis)) / scale;
   return Seen(offset, spread, m.z / max(m.w, 1e-6), m.w);
@@ -388,14 +388,15 @@ fn openness(receiver: Receiver, world_radius: f32) -> f32 {
 fn obscure(pixel: vec2u) -> f32 {
   let depth = depth_at(pixel);
   let place = place_of(vec2f(pixel), depth);
-  let h = params.from_pixel * place;
-  let position = h.xyz / h.w;
-  if !(is_foreground(place) && h.w > 0.0 && is_near(position)) {
+  let weight = weight_of(place);
+  let position = (params.from_pixel * place.at).xyz / weight;
+  if !(is_foreground(place) && weight > 0.0 && is_near(position)) {
     return 1.0;
   }
-  let distance = length(position);
+  let to_eye = params.camera.eye - position;
+  let distance = length(to_eye);
   let perspective = params.camera.perspective != 0u;
-  let axis = select(params.back, -position / distance, perspective && distance > 1e-18);
+  let axis = select(params.back, to_eye / distance, perspective && distance > 1e-18);
 #if NORMALS
   let at = params.camera.viewport.xy + pixel;
   let n = decode_normal(params.camera, params.normals, textureLoad(normal_texture, at, 0).xyz, axis);
@@ -404,7 +405,8 @@ fn obscure(pixel: vec2u) -> f32 {
 #endif
   let rows = mat2x4f(vec4f(axis, 0.0) * params.from_pixel, vec4f(n, 0.0) * params.from_pixel);
   let step = params.depth_step + params.depth_relative * depth;
-  let nearer = place + vec4f(0.0, 0.0, select(-step, step, params.camera.far_depth == 0.0), 0.0);
+  let by = select(-step, step, params.camera.far_depth == 0.0);
+  let nearer = Place(place.at + vec4f(0.0, 0.0, by, 0.0), place.off_far + by);
   // The point's own depth, and that of what it is compared with.
   let error = 2.0 * abs(along_rows(rows, nearer).x - along_rows(rows, place).x);
   let uncertainty = select(0.0, error, step > 0.0 && is_finite(error));

@@ -65,7 +65,7 @@ pub(crate) struct LightsParams {
 }
 
 impl LightsParams {
-    /// Of those that shine, [`MAX_LIGHTS`] at most, in the eye space of `origin`.
+    /// Of those that shine, [`MAX_LIGHTS`] at most, relative to `origin`.
     pub fn new(lights: &[Light], origin: DVec3) -> Self {
         let mut params = Self {
             lights: [LightParams::default(); MAX_LIGHTS],

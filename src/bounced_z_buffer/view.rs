@@ -35,7 +35,7 @@ impl BouncedView {
         self.receivers.size
     }
 
-    /// The receivers: `Rgba32Uint`, in xyz the bits of the position in the cloud's eye space, in w the octahedral
+    /// The receivers: `Rgba32Uint`, in xyz the bits of the position in the cloud's space, in w the octahedral
     /// normal, 0x80008000 for the sky (usages `TEXTURE_BINDING | COPY_SRC`).
     pub fn receivers(&self) -> &TextureView {
         &self.receivers.view

@@ -153,7 +153,7 @@ impl DepthMomentsPass {
                 device,
                 LABEL,
                 &DepthMomentsParams {
-                    camera: camera.params(camera.eye()),
+                    camera: camera.params(camera.focus()),
                     forward: camera.forward().as_vec3().to_array(),
                     padding: 0,
                     fine,

@@ -41,7 +41,6 @@ pub(crate) const FLAGS: &[&str] = &[
     "NORMALS",
     "ONE_SIDED",
     "OWN_SURFACE",
-    "PLAN",
     "RADIANCE",
     "SAMPLES",
     "SENDER_DISKS",

@@ -33,7 +33,7 @@ impl EdgeParams {
         // Smaller than the smallest normal number a driver may take a threshold for 0.
         let threshold = |t: f32| t.clamp(1e-30, UNBOUNDED);
         let sources = [input.edges, input.importance];
-        let gbuffer = ReceiversParams::new(&input.gbuffer, input.camera, input.camera.eye());
+        let gbuffer = ReceiversParams::new(&input.gbuffer, input.camera, input.camera.focus());
         let camera = gbuffer.camera;
         let (scale, slope) = if input.camera.is_perspective() {
             // A point's homogeneous coordinates end in it.

@@ -44,7 +44,7 @@ impl MultiResReconstructorParams {
     ) -> Self {
         let own = mask.levels[level as usize];
         Self {
-            gbuffer: ReceiversParams::new(&input.gbuffer, input.camera, input.camera.eye()),
+            gbuffer: ReceiversParams::new(&input.gbuffer, input.camera, input.camera.focus()),
             level,
             coarser,
             // The masks' smallest values times what stands for infinity are 1 and more.

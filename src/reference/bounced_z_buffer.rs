@@ -28,7 +28,7 @@ const GRID: f64 = 1.0 / 32.0;
 const MOST_OFFSET: f64 = 2e-4;
 const SHAPE_ORDER: u32 = 0xfff;
 
-/// A ray in the cloud's eye space.
+/// A ray in the cloud's space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
     /// Where it starts.
@@ -249,7 +249,7 @@ impl Tracing<'_> {
             .collect()
     }
 
-    /// The same with [`Lighting::Hits`](crate::Lighting::Hits): colours not yet packed. `lights` are in the cloud's eye space.
+    /// The same with [`Lighting::Hits`](crate::Lighting::Hits): colours not yet packed. `lights` are in the cloud's space.
     pub fn lit(&self, materials: &[Material], lights: &[Light]) -> Vec<DVec3> {
         self.rays()
             .par_iter()

@@ -33,8 +33,7 @@ pub fn cast(
             let x = f64::from(i % viewport.width) + 0.5;
             let y = f64::from(i / viewport.width) + 0.5;
             let near = camera.unproject(x, y, near_depth)?;
-            let beyond = camera.unproject(x, y, 0.5)?;
-            let direction = (beyond - near).normalize();
+            let direction = camera.line_of_sight(x, y).1.normalize();
             let origin = camera.eye() + near;
             let hit = tracer.first_hit(origin, direction, 0.0, f64::INFINITY)?;
             let corner = |k: usize| indices[3 * hit.triangle + k] as usize;

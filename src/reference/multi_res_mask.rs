@@ -112,7 +112,7 @@ impl Edges<'_> {
 
     /// Of what is linear over the image on a plane: its share that is linear in the pixel drops out, so that depth alone
     /// is left.
-    fn second_difference(&self, pixel: [u32; 2], samples: [&Sample; 3]) -> f64 {
+    fn second_difference(&self, samples: [&Sample; 3]) -> f64 {
         if samples.iter().any(|s| s.linear.is_none()) {
             return 0.0;
         }
@@ -121,10 +121,10 @@ impl Edges<'_> {
         let depth = depths.iter().fold(0.0, |m: f64, d| m.max(d.abs()));
         let step =
             f64::from(depth_step(self.decoder.depth_format)) + f64::from(DEPTH_RELATIVE) * depth;
-        let at = |pixel, depth| self.linear(pixel, depth).unwrap_or(0.0);
-        let slope = (at([0, 0], 0.5) - at([0, 0], 0.25)).abs() / 0.25;
+        let slope = camera.linear_slope().abs();
         let scale = if camera.is_perspective() {
-            depths.iter().fold(0.0, |m: f64, &d| m.max(at(pixel, d)))
+            let linear = samples.iter().filter_map(|s| s.linear);
+            linear.fold(0.0, f64::max)
         } else {
             camera.footprint().pixel * f64::from(self.size()[1])
         };
@@ -150,7 +150,7 @@ impl Edges<'_> {
                 value = value.max(self.first_difference(&centre, neighbour));
             }
             if let (Some(before), Some(after)) = (before, after) {
-                value = value.max(self.second_difference(pixel, [&before, &centre, &after]));
+                value = value.max(self.second_difference([&before, &centre, &after]));
             }
         }
         if centre.linear.is_some() && centre.shade == GARBAGE {

@@ -55,9 +55,7 @@ impl ScreenSpaceGi<'_> {
         let to_camera = if camera.is_perspective() {
             -q
         } else {
-            let near = camera.unproject(0.5, 0.5, 0.25)?;
-            let far = camera.unproject(0.5, 0.5, 0.75)?;
-            (near - far) * (2.0 * f64::from(camera.background_depth()) - 1.0)
+            -camera.forward()
         };
         let offset = q - p.position;
         let radius = f64::from(self.settings.radius);

@@ -208,15 +208,9 @@ impl Hull<'_> {
             return Some((point, normal));
         }
         let axis = self.camera.axis();
-        // Any depth on the ray will do that is in front of the camera.
         let [x, y] = edge.map(f64::from);
         debug_assert!(x <= f64::from(width) && y <= f64::from(height));
-        let far = self.camera.unproject(x, y, 0.5)?;
-        let (base, direction) = if self.camera.is_perspective() {
-            (DVec3::ZERO, far / far.dot(axis))
-        } else {
-            (far - axis * axis.dot(far), axis)
-        };
+        let (base, direction) = self.camera.line_of_sight(x, y);
         let [mut nearest, mut farthest] = [segment.nearest, segment.farthest].map(f64::from);
         let toward = normal.dot(direction);
         let depth = if toward.abs() > 1e-6 * direction.length() {
@@ -227,7 +221,12 @@ impl Hull<'_> {
         if own {
             let half_pixel = 0.5 * (farthest - nearest) / f64::from(narrow);
             let middle = axis.dot(point);
-            nearest = middle - half_pixel.min(0.5 * middle.abs());
+            nearest = middle
+                - if self.camera.is_perspective() {
+                    half_pixel.min(0.5 * middle.abs())
+                } else {
+                    half_pixel
+                };
             farthest = middle + half_pixel;
         }
         Some((base + direction * depth.clamp(nearest, farthest), normal))

@@ -13,7 +13,7 @@ use crate::{
     shell_splatter::{params::UNBOUNDED, settings::MIN_EPSILON},
 };
 
-/// A surfel in the cloud's eye space.
+/// A surfel in the cloud's space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Disk {
     /// Its centre.
@@ -22,7 +22,7 @@ pub struct Disk {
     pub sender: Sender,
 }
 
-/// A pixel's position in the cloud's eye space, and its unit normal.
+/// A pixel's position in the cloud's space, and its unit normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Receiver {
     /// Where it is.

@@ -11,7 +11,7 @@ use super::{
     shell_splatter::Receiver,
     surfel_shader::{LookUp, ShadowMap},
 };
-use crate::{Light, SoftShadowsSettings, surfel_shader::params::distances};
+use crate::{Light, SoftShadowsSettings, surfel_shader::params::depth_scale};
 
 const STEEPEST: f64 = 16.0;
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
@@ -63,12 +63,13 @@ impl SoftShadows<'_> {
     fn gap(&self, seen: &Seen, found: Option<LookUp>) -> Option<f64> {
         let found = found.filter(|f| self.map.is_hidden(f))?;
         let camera = &self.map.cameras[found.layer];
-        let [scale, offset] = distances(camera);
+        let scale = depth_scale(camera);
         if !camera.is_perspective() {
             return Some((scale * (found.depth - found.nearest)).max(0.0));
         }
-        let [own, nearest] = [found.depth, found.nearest].map(|depth| scale / (depth - offset));
-        let share = (1.0 - nearest / own).clamp(0.0, 1.0);
+        let own = found.w / camera.projection().row(3).z.abs();
+        let apart = (found.nearest - found.depth) * own;
+        let share = (apart / (scale + apart)).clamp(0.0, 1.0);
         Some(if self.is_directional() {
             share * own
         } else {

@@ -8,10 +8,7 @@ use super::{
     light::{Arrival, arrival},
     surfelizer::{Triangle, centroid, leaf_of},
 };
-use crate::{
-    Camera, Light, Material,
-    surfel_shader::params::{clip, texel},
-};
+use crate::{Camera, Light, Material, surfel_shader::params::texel};
 
 pub(super) const BRIGHTEST: f64 = 1e18;
 const SEAM: f64 = 1e-5;
@@ -86,7 +83,7 @@ impl ShadowMap<'_> {
     /// A point in the clip space of the first map that knows of it.
     fn first_map(&self, point: DVec3) -> Option<(usize, DVec4)> {
         self.cameras.iter().enumerate().find_map(|(layer, camera)| {
-            let clip = clip(camera) * (point - camera.eye()).extend(1.0);
+            let clip = camera.clip_matrix(camera.eye()) * (point - camera.eye()).extend(1.0);
             let bound = clip.w * (1.0 + SEAM);
             let inside = clip.w > 0.0
                 && clip.x.abs() <= bound
@@ -113,6 +110,7 @@ impl ShadowMap<'_> {
             layer,
             depth: ndc.z,
             nearest: f64::from(self.depth[layer][(y * self.width + x) as usize]),
+            w: seen.w,
         })
     }
 
@@ -149,6 +147,8 @@ pub struct LookUp {
     pub depth: f64,
     /// Of what the light sees there.
     pub nearest: f64,
+    /// The clip space's of the point.
+    pub w: f64,
 }
 
 /// What one surfel sends. `samples` is a power of two; a surfel without a triangle is lit at its centre alone.

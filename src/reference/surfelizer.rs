@@ -47,7 +47,7 @@ pub struct Triangle {
 /// [`crate::Piece`] in f64.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Piece {
-    /// Its corners, in the cloud's eye space.
+    /// Its corners, in the cloud's space.
     pub corners: Triangle,
     /// Index into the material table.
     pub material: u32,
@@ -60,7 +60,7 @@ pub struct Piece {
 /// [`crate::Surfel`] and [`crate::SurfelSource`] in f64.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Surfel {
-    /// Centre, in the cloud's eye space.
+    /// Centre, in the cloud's space.
     pub position: DVec3,
     /// Radius, world units.
     pub radius: f64,
@@ -176,6 +176,8 @@ enum Verdict {
 /// `Params` of the shader.
 struct Params {
     footprint: Footprint,
+    /// Relative to the cloud's origin.
+    eye: DVec3,
     /// Six planes a view.
     views: Vec<[DVec4; 6]>,
     radius_pixels: f64,
@@ -187,7 +189,7 @@ struct Params {
 
 impl Params {
     fn target_radius(&self, p: DVec3) -> f64 {
-        self.radius_pixels * self.footprint.at(p)
+        self.radius_pixels * self.footprint.at(p - self.eye)
     }
 
     fn relative_area(&self, t: Triangle) -> f64 {
@@ -222,7 +224,7 @@ impl Params {
             .fold(0.0, f64::max);
         let farthest = self.footprint.pixel
             * if self.footprint.perspective {
-                (center.length() + extent).max(self.footprint.near)
+                (center.distance(self.eye) + extent).max(self.footprint.near)
             } else {
                 1.0
             };
@@ -257,13 +259,13 @@ impl Params {
                 t.a.distance(t.b)
                     .max(t.b.distance(t.c))
                     .max(t.c.distance(t.a));
-            let mut extent = PIECE_EXTENT * center.length().max(self.footprint.near);
+            let mut extent = PIECE_EXTENT * center.distance(self.eye).max(self.footprint.near);
             if self.capacity.surfels == 0 {
                 let normal = area_vector(t).direction.normalize_or_zero();
                 let nearest = normal
-                    .dot(center)
+                    .dot(center - self.eye)
                     .abs()
-                    .max(center.length() - edge * 2.0 / 3.0);
+                    .max(center.distance(self.eye) - edge * 2.0 / 3.0);
                 extent = RAY_PIECE_EXTENT * nearest.max(self.footprint.near);
             }
             if edge > extent * f64::from(1_u32 << coarseness) {
@@ -587,8 +589,9 @@ pub fn surfelize(
     triangles: &[[DVec3; 3]],
     materials: &[u32],
 ) -> Cloud {
-    let origin = camera.eye();
+    let origin = camera.focus();
     let params = Params {
+        eye: camera.eye() - origin,
         footprint: camera.footprint(),
         views: cull_by.iter().map(|view| view.frustum(origin)).collect(),
         radius_pixels: f64::from(settings.radius_pixels),

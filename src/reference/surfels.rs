@@ -44,7 +44,7 @@ impl LitSurfels<'_> {
         [inner, outer.min(f64::from(settings.radius).min(unbounded))]
     }
 
-    /// What a vertex gathers; `offset` takes its position to the cloud's eye space.
+    /// What a vertex gathers; `offset` takes its position to the cloud's space.
     pub fn gather(&self, position: [f32; 3], offset: DVec3, normal: DVec3) -> Lobes {
         let mut lobes = Lobes::ZERO;
         let p = DVec3::from(position.map(f64::from)) + offset;

@@ -153,20 +153,9 @@ impl DepthBuffer<'_> {
             return Seen::default();
         };
         let m = pyramid.around(place.to_array(), level);
-        let forward = self.camera().forward();
-        // Any point of the line through the place but the eye.
-        let near = 1.0 - f64::from(self.camera().background_depth());
-        let on_line = |depth| self.camera().unproject(place.x, place.y, depth);
-        let Some(any) = on_line(near).or_else(|| on_line(0.5)) else {
-            return Seen::default();
-        };
-        let (direction, base) = if self.camera().is_perspective() {
-            (any / any.dot(forward), DVec3::ZERO)
-        } else {
-            (forward, any - forward * any.dot(forward))
-        };
+        let (base, direction) = self.camera().line_of_sight(place.x, place.y);
         Seen {
-            position: base + direction * m.mean,
+            position: base + direction * (m.mean + self.camera().focus_depth()),
             spread: half_width * m.variance.sqrt() * direction.dot(axis).abs(),
             covered: m.covered / m.inside.max(1e-6),
             inside: m.inside,
@@ -204,12 +193,15 @@ impl DepthBuffer<'_> {
         })
     }
 
-    /// The view depths of all pixels, for [`Pyramid::new`].
+    /// The view depths of all pixels from the camera's focus on, for [`Pyramid::new`].
     pub fn view_depths(&self) -> Vec<Option<f64>> {
         let width = self.camera().viewport().width;
         let forward = self.camera().forward();
         (0..self.depths.len() as u32)
-            .map(|i| self.surface([i % width, i / width]).map(|p| p.dot(forward)))
+            .map(|i| {
+                self.surface([i % width, i / width])
+                    .map(|p| p.dot(forward) - self.camera().focus_depth())
+            })
             .collect()
     }
 

@@ -1,7 +1,6 @@
 //! What the GPU reads: `Params` of `wgsl/screen_space_gi.wgsl`.
 
 use bytemuck::{Pod, Zeroable};
-use glam::DMat4;
 
 use super::{ScreenSpaceGiInput, settings::ScreenSpaceGiSettings};
 use crate::receivers::ReceiversParams;
@@ -24,9 +23,9 @@ impl ScreenSpaceGiParams {
         level: u32,
     ) -> Self {
         let camera = input.camera;
-        let project = camera.projection() * DMat4::from_mat3(camera.rotation());
+        let project = camera.clip_matrix(camera.focus());
         Self {
-            gbuffer: ReceiversParams::new(&input.gbuffer, camera, camera.eye()),
+            gbuffer: ReceiversParams::new(&input.gbuffer, camera, camera.focus()),
             project: project.as_mat4().to_cols_array_2d(),
             level,
             samples: settings.samples,

@@ -216,7 +216,8 @@ pub struct SgHullInput<'a> {
     pub gbuffer: GBuffer<'a>,
     /// Its camera.
     pub camera: &'a Camera,
-    /// The point of the world that the gatherer's positions are relative to: the camera's eye, or one near it.
+    /// The point of the world that the gatherer's positions are relative to: the camera's [focus](Camera::focus), its eye
+    /// where that is near, or a point near either.
     pub origin: DVec3,
     /// What the gatherer bound, where it has a layout.
     pub gather: Option<&'a GathererBinding>,

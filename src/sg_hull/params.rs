@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::settings::{SgHullSettings, SgHullSize};
-use crate::camera::{Camera, CameraParams};
+use crate::camera::{Camera, CameraParams, RayParams};
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -24,6 +24,7 @@ pub struct SgHullParams {
     pub(crate) quad: u32,
     pub(crate) split_room: u32,
     padding: u32,
+    pub(crate) rays: RayParams,
 }
 
 impl SgHullParams {
@@ -52,6 +53,7 @@ impl SgHullParams {
             quad: settings.quad,
             split_room,
             padding: 0,
+            rays: camera.rays(origin),
         }
     }
 }

@@ -145,7 +145,7 @@ impl SplatView {
         &self.sums
     }
 
-    /// The receivers: `Rgba32Uint`, in xyz the bits of the position in the cloud's eye space, in w the octahedral
+    /// The receivers: `Rgba32Uint`, in xyz the bits of the position in the cloud's space, in w the octahedral
     /// normal as two snorm16, or `0x8000_8000` for the sky (usages `TEXTURE_BINDING | COPY_SRC`).
     pub fn receivers(&self) -> &TextureView {
         &self.receivers.view

@@ -141,7 +141,7 @@ impl SoftShadows {
         let shadow = uniform(
             device,
             LABEL,
-            &ShadowParams::new(&input.map, input.camera.eye()),
+            &ShadowParams::new(&input.map, input.camera.focus()),
         );
         let [depth, normal] = [input.gbuffer.depth, input.gbuffer.normal].map(|slice| slice.read());
         let map = input.map.view();

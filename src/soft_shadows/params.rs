@@ -21,10 +21,10 @@ pub(crate) struct SoftShadowsParams {
 
 impl SoftShadowsParams {
     pub fn new(input: &SoftShadowsInput<'_>, settings: &SoftShadowsSettings, level: u32) -> Self {
-        let eye = input.camera.eye();
+        let focus = input.camera.focus();
         Self {
-            gbuffer: ReceiversParams::new(&input.gbuffer, input.camera, eye),
-            light: LightParams::new(input.light, eye),
+            gbuffer: ReceiversParams::new(&input.gbuffer, input.camera, focus),
+            light: LightParams::new(input.light, focus),
             level,
             blockers: settings.blockers,
             samples: settings.samples,

@@ -1,7 +1,7 @@
 //! What the GPU reads: `Params` and `Shadow` of `wgsl/surfel_shader.wgsl`.
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DMat4, DVec3};
+use glam::DVec3;
 
 use super::{MAX_SHADOW_CAMERAS, ShadowMap};
 use crate::{
@@ -36,35 +36,29 @@ impl SurfelShaderParams {
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct ShadowCameraParams {
     pub(crate) clip: [[f32; 4]; 4],
-    pub(crate) eye: [f32; 3],
-    pub(crate) far_depth: f32,
     pub(crate) viewport: [f32; 4],
     pub(crate) texel: f32,
     pub(crate) depth_scale: f32,
-    pub(crate) depth_offset: f32,
+    pub(crate) per_w: f32,
     pub(crate) perspective: u32,
+    pub(crate) far_depth: f32,
+    pub(crate) padding: [u32; 3],
 }
 
 impl ShadowCameraParams {
     fn new(camera: &Camera, origin: DVec3) -> Self {
         let viewport = camera.viewport();
-        let [depth_scale, depth_offset] = distances(camera);
         Self {
-            clip: clip(camera).as_mat4().to_cols_array_2d(),
-            eye: (camera.eye() - origin).as_vec3().to_array(),
-            far_depth: camera.background_depth(),
+            clip: camera.clip_matrix(origin).as_mat4().to_cols_array_2d(),
             viewport: [viewport.x, viewport.y, viewport.width, viewport.height].map(|n| n as f32),
             texel: texel(camera) as f32,
-            depth_scale: depth_scale as f32,
-            depth_offset: depth_offset as f32,
+            depth_scale: depth_scale(camera) as f32,
+            per_w: camera.projection().row(3).z.abs().recip().min(1e18) as f32,
             perspective: u32::from(camera.is_perspective()),
+            far_depth: camera.background_depth(),
+            padding: [0; 3],
         }
     }
-}
-
-/// From world axes about a camera's eye to its clip space.
-pub(crate) fn clip(camera: &Camera) -> DMat4 {
-    camera.projection() * DMat4::from_mat3(camera.rotation())
 }
 
 /// Side of a texel, the longer one, in world units for each unit of the clip space's w.
@@ -76,23 +70,14 @@ pub(crate) fn texel(camera: &Camera) -> f64 {
     side(0, viewport.width).max(side(1, viewport.height))
 }
 
-/// From depth to distance along a camera's axis: scale and offset in `scale / (depth − offset)` of a perspective one, in
-/// `scale · depth + offset` of another.
-pub(crate) fn distances(camera: &Camera) -> [f64; 2] {
-    let projection = camera.projection();
-    let (z, last) = (projection.row(2), projection.row(3));
+/// Along a ray of a perspective camera depth is this over the distance along its axis, but for a constant, which is the ray's
+/// own where the near plane is oblique. A ray of another is this longer for each unit of depth.
+pub(crate) fn depth_scale(camera: &Camera) -> f64 {
     if camera.is_perspective() {
-        // depth = (z.z v + z.w) / (last.z v) of a view-space v.
-        return [z.w / last.z.abs(), z.z / last.z];
+        // depth = (z.xyz v + z.w) / (last.z v.z) of a view-space v.
+        return camera.projection().row(2).w / camera.projection().row(3).z.abs();
     }
-    // depth = (z.z v + z.w) / last.w, which falls with the distance where it is reversed.
-    let away = if camera.background_depth() == 0.0 {
-        -1.0
-    } else {
-        1.0
-    };
-    let scale = away * (last.w / z.z).abs();
-    [scale, -scale * z.w / last.w]
+    camera.linear_slope()
 }
 
 #[repr(C)]

@@ -54,7 +54,7 @@ pub struct Surfelizer {
 pub struct SurfelizerInput<'a> {
     /// The caller's triangles.
     pub geometry: Geometry<'a>,
-    /// Decides the surfels' sizes; its eye becomes the cloud's origin.
+    /// Decides the surfels' sizes; its [focus](Camera::focus) becomes the cloud's origin.
     pub camera: &'a Camera,
     /// Up to four views by which to leave out what cannot affect any of them, given
     /// [`SurfelizerSettings::reach`]; empty to keep all. Usually the camera itself; both eyes for stereo.
@@ -214,7 +214,7 @@ impl Surfelizer {
         );
 
         cloud.recordings.advance();
-        cloud.origin = input.camera.eye();
+        cloud.origin = input.camera.focus();
         cloud.placement = settings.placement;
         cloud.perspective = input.camera.is_perspective();
         encoder.clear_buffer(&cloud.counters, 0, None);

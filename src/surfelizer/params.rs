@@ -43,7 +43,7 @@ impl SurfelizerParams {
         capacity: CloudCapacity,
         without_vertices: u32,
     ) -> Self {
-        let origin = camera.eye();
+        let origin = camera.focus();
         let mut planes = [[0.0; 4]; 6 * MAX_VIEWS];
         let all = views.iter().flat_map(|view| view.frustum(origin));
         for (to, plane) in planes.iter_mut().zip(all) {

@@ -317,7 +317,7 @@ impl TemporalAccumulator {
             encoder,
             &input.gbuffer,
             camera,
-            camera.eye(),
+            camera.focus(),
             &next.receivers,
         );
 

@@ -19,6 +19,8 @@ pub struct TemporalParams {
     pub(crate) deviations: f32,
     pub(crate) still: u32,
     pub(crate) forget: u32,
+    pub(crate) previous_focus: [f32; 3],
+    pub(crate) padding: u32,
 }
 
 impl TemporalParams {
@@ -33,10 +35,9 @@ impl TemporalParams {
         let viewport = camera.viewport();
         let size = [f64::from(viewport.width), f64::from(viewport.height)];
         let project = DMat4::from_scale(DVec3::new(0.5 * size[0], -0.5 * size[1], 1.0))
-            * previous.projection()
-            * DMat4::from_mat3(previous.rotation());
+            * previous.clip_matrix(previous.focus());
         Self {
-            previous: previous.params(camera.eye()),
+            previous: previous.params(previous.focus()),
             project: project.as_mat4().to_cols_array_2d(),
             viewport: [viewport.x, viewport.y, viewport.width, viewport.height],
             motion_scale: [0, 1].map(|i| (f64::from(motion_scale[i]) * size[i]) as f32),
@@ -51,6 +52,8 @@ impl TemporalParams {
             still: u32::from(camera == previous),
             // A frame alone needs no history.
             forget: u32::from(forget || settings.max_frames == 1),
+            previous_focus: (previous.focus() - camera.focus()).as_vec3().to_array(),
+            padding: 0,
         }
     }
 }

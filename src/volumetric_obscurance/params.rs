@@ -9,7 +9,7 @@ use super::{
     settings::{Combine, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume},
 };
 use crate::{
-    camera::{Camera, CameraParams},
+    camera::{Camera, CameraParams, RayParams},
     depth_moments::{LEVELS, MomentLevel, levels},
     gbuffer::depth_step,
     receivers::DEPTH_RELATIVE,
@@ -24,6 +24,7 @@ pub struct ObscuranceParams {
     pub(crate) camera: CameraParams,
     pub(crate) to_pixel: [[f32; 4]; 4],
     pub(crate) from_pixel: [[f32; 4]; 4],
+    pub(crate) rays: RayParams,
     pub(crate) right: [f32; 3],
     pub(crate) level: u32,
     pub(crate) up: [f32; 3],
@@ -53,6 +54,7 @@ impl ObscuranceParams {
         level: u32,
     ) -> Self {
         let camera = input.camera;
+        let focus = camera.focus();
         let viewport = camera.viewport();
         let (center, samples) = split(sampling, volume);
         let mut table = [[0.0; 4]; MOST];
@@ -62,9 +64,10 @@ impl ObscuranceParams {
         let [right, up, back] = frame(camera).map(|axis| axis.as_vec3().to_array());
         let second = settings.second;
         Self {
-            camera: camera.params(camera.eye()),
-            to_pixel: camera.pixel_matrix().as_mat4().to_cols_array_2d(),
-            from_pixel: camera.unpixel_matrix().as_mat4().to_cols_array_2d(),
+            camera: camera.params(focus),
+            to_pixel: camera.pixel_matrix(focus).as_mat4().to_cols_array_2d(),
+            from_pixel: camera.unpixel_matrix(focus).as_mat4().to_cols_array_2d(),
+            rays: camera.rays(focus),
             right,
             level,
             up,

@@ -1,11 +1,11 @@
-// What a shader knows of the camera (src/camera.rs). Positions are in the eye space of the surfel cloud: axes of the
-// world, origin at the eye that the cloud was made for.
+// What a shader knows of the camera (src/camera.rs). Positions are in the space of the surfel cloud: axes of the world, origin
+// at the focus of the camera that the cloud was made for; or, without a cloud, at the camera's own.
 
 struct Camera {
-  // (ndc.x, ndc.y, depth - far_depth, 1) to homogeneous coordinates relative to this camera's eye.
+  // (ndc.x, ndc.y, depth - reference, 1) to homogeneous points; but their last coordinate is that of depth - far_depth.
   unproject: mat4x4f,
   view_to_world: mat3x3f,
-  // This camera's eye in the cloud's eye space.
+  // This camera's eye.
   eye: vec3f,
   // The depth of the background, 0 or 1.
   far_depth: f32,
@@ -15,7 +15,21 @@ struct Camera {
   pixel: f32,
   near: f32,
   perspective: u32,
-  padding: u32,
+  // The depth about the origin: near it nothing cancels.
+  reference: f32,
+}
+
+// The lines of sight. Of (ndc.x, ndc.y, 1): where a line passes the plane across the axis through the origin, and its
+// direction, 1 long along the axis.
+struct Rays {
+  base: mat3x3f,
+  direction: mat3x3f,
+}
+
+// Homogeneous points of a matrix such as a camera's, given x, y and the depth.
+fn unproject_by(camera: Camera, m: mat4x4f, at: vec2f, depth: f32) -> vec4f {
+  let h = m * vec4f(at, depth - camera.reference, 1.0);
+  return vec4f(h.xyz, dot(vec4f(m[0].w, m[1].w, m[2].w, m[3].w), vec4f(at, depth - camera.far_depth, 1.0)));
 }
 
 // Unit vector from a point relative to this camera's eye to where it is seen from.

@@ -14,12 +14,12 @@ fn is_near(p: vec3f) -> bool {
   return is_finite3(p) && max_component(abs(p)) < FARTHEST;
 }
 
-// The point that a depth stands for, relative to the camera's eye; w is 0 for the sky and what no camera can see.
+// The point that a depth stands for; w is 0 for the sky and what no camera can see.
 fn unproject(camera: Camera, pixel: vec2u, depth: f32) -> vec4f {
   let size = vec2f(camera.viewport.zw);
   let ndc = (vec2f(pixel) + 0.5) / size * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
   let foreground = select((depth < 1.0), (depth > 0.0), camera.far_depth == 0.0);
-  let h = camera.unproject * vec4f(ndc, depth - camera.far_depth, 1.0);
+  let h = unproject_by(camera, camera.unproject, ndc, depth);
   let p = h.xyz / h.w;
   return select(vec4f(0.0), vec4f(p, 1.0), foreground && is_finite(depth) && h.w > 0.0 && is_near(p));
 }

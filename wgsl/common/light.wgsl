@@ -1,4 +1,4 @@
-// Lights (src/light.rs), in the eye space of the surfel cloud. Needs math.
+// Lights (src/light.rs), in the space of the surfel cloud. Needs math.
 
 struct Light {
   position: vec3f,

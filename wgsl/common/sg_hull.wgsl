@@ -30,13 +30,14 @@ struct Params {
   quad: u32,
   // Parts of quads that there is room for to be split.
   split_room: u32,
+  rays: Rays,
 }
 
 // Pixels of a tile that lie on one surface.
 struct Segment {
   // The first pixel, and the one past the last.
   rect: vec4u,
-  // Along the camera's axis.
+  // Along the camera's axis, from the eye.
   nearest: f32,
   farthest: f32,
   // A pixel of it close to its middle.
@@ -139,19 +140,18 @@ fn is_flat(segment: Segment) -> bool {
   return segment.spread < FLAT_SPREAD;
 }
 
-// Side of the view at a point relative to the camera's eye.
-fn view_width(params: Params, relative: vec3f) -> f32 {
-  return footprint(params.camera, relative) * f32(max(params.camera.viewport.z, params.camera.viewport.w));
+// Side of the view at a point.
+fn view_width(params: Params, position: vec3f) -> f32 {
+  return footprint(params.camera, position - params.camera.eye) * f32(max(params.camera.viewport.z, params.camera.viewport.w));
 }
 
-// A pixel's point relative to the camera's eye.
-fn relative(params: Params, texel: vec4u) -> vec3f {
-  return receiver_position(texel) - params.camera.eye;
+// How far a point is from the eye along the axis.
+fn view_depth(params: Params, position: vec3f) -> f32 {
+  return dot(params.along, position - params.camera.eye);
 }
 
 // What decides whether a pixel is one surface with another.
 struct Facet {
-  // Relative to the camera's eye.
   position: vec3f,
   normal: vec3f,
   // Side of the view at it.
@@ -159,7 +159,7 @@ struct Facet {
 }
 
 fn facet(params: Params, texel: vec4u) -> Facet {
-  let p = relative(params, texel);
+  let p = receiver_position(texel);
   return Facet(p, unpack_normal(texel.w), view_width(params, p));
 }
 

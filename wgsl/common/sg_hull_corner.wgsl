@@ -8,7 +8,6 @@
 const NARROW: u32 = 4u;
 
 struct Place {
-  // Relative to the camera's eye.
   position: vec3f,
   normal: vec3f,
   // Whether it is a pixel of the segment.
@@ -31,35 +30,33 @@ fn place_at(segment: Segment, id: u32, edge: vec2u, pixel: vec2u) -> Place {
   let own = is_of_segment(pixel, id);
   // The ray through the point, as a function of the depth along the axis.
   let ndc = vec2f(edge) / vec2f(params.camera.viewport.zw) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
-  let far_point = params.camera.unproject * vec4f(ndc, 0.0, 1.0);
-  var base = vec3f(0.0);
-  var direction = params.along;
-  if params.camera.perspective != 0u {
-    let ray = normalize_or(far_point.xyz, params.along);
-    direction = ray / max(dot(ray, params.along), 1e-6);
-  } else {
-    let p = far_point.xyz / far_point.w;
-    base = p - direction * dot(direction, p);
-  }
+  let base = params.rays.base * vec3f(ndc, 1.0);
+  let direction = params.rays.direction * vec3f(ndc, 1.0);
   let texel = textureLoad(receivers, select(pixel_at(segment.anchor), pixel, own), 0);
   let normal = unpack_normal(select(segment.normal, texel.w, own));
   let narrow = min(segment.rect.z - segment.rect.x, segment.rect.w - segment.rect.y);
   if own && narrow < NARROW {
-    return Place(relative(params, texel), normal, true);
+    return Place(receiver_position(texel), normal, true);
   }
+  // Depths from here on are from the origin; the segment's have lost what the eye's distance rounds away.
+  let eye_depth = dot(params.along, params.camera.eye);
+  let slack = 2.5e-7 * max(abs(segment.nearest), abs(segment.farthest));
+  var least = segment.nearest + eye_depth - slack;
+  var most = segment.farthest + eye_depth + slack;
   let toward = dot(normal, direction);
-  var depth = 0.5 * (segment.nearest + segment.farthest);
+  var depth = 0.5 * (least + most);
   if abs(toward) > 1e-6 * length(direction) {
-    depth = dot(normal, relative(params, texel) - base) / toward;
+    depth = dot(normal, receiver_position(texel) - base) / toward;
   }
-  var least = segment.nearest;
-  var most = segment.farthest;
   if own {
     // Half a pixel along a plane changes the depth by no more than this.
-    let half_pixel = 0.5 * (most - least) / f32(narrow);
-    let middle = dot(params.along, relative(params, texel));
-    least = middle - min(half_pixel, 0.5 * abs(middle));
+    var half_pixel = 0.5 * (most - least) / f32(narrow);
+    let middle = dot(params.along, receiver_position(texel));
     most = middle + half_pixel;
+    if params.camera.perspective != 0u {
+      half_pixel = min(half_pixel, 0.5 * abs(middle - eye_depth));
+    }
+    least = middle - half_pixel;
   }
   return Place(base + direction * clamp(depth, least, most), normal, own);
 }

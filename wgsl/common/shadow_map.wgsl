@@ -1,24 +1,27 @@
 // A light's shadow map (src/surfel_shader/mod.rs): depth as seen from the light, by one camera or by several. Points are in the
-// eye space that the cameras' parameters are for.
+// space that the cameras' parameters are for.
 //
 // The importer declares `shadow`, a uniform Shadow, and `depth_map`, a texture_2d_array<f32>.
 
 #needs shadow depth_map
 
 struct ShadowCamera {
-  // From a position relative to the camera's eye.
+  // From a position.
   clip: mat4x4f,
-  eye: vec3f,
-  // The depth of the background, 0 or 1.
-  far_depth: f32,
   // x, y, width, height in texels.
   viewport: vec4f,
   // Side of a texel, world units for each unit of the clip space's w.
   texel: f32,
-  // Distance along the camera's axis: scale / (depth - offset) of a perspective one, scale * depth + offset of another.
+  // Along a ray of the camera, depth is depth_scale / distance but for a constant of a perspective one, where distances are the
+  // clip space's w times `per_w`; of another a distance is depth_scale * depth but for a constant.
   depth_scale: f32,
-  depth_offset: f32,
+  per_w: f32,
   perspective: u32,
+  // The depth of the background, 0 or 1.
+  far_depth: f32,
+  padding0: u32,
+  padding1: u32,
+  padding2: u32,
 }
 
 struct Shadow {
@@ -48,7 +51,7 @@ fn or_seen(before: Seen, layer: u32, point: vec3f) -> Seen {
   if before.layer < shadow.count || layer >= shadow.count {
     return before;
   }
-  let clip = shadow.cameras[layer].clip * vec4f(point - shadow.cameras[layer].eye, 1.0);
+  let clip = shadow.cameras[layer].clip * vec4f(point, 1.0);
   let bound = clip.w * (1.0 + SEAM);
   let inside = clip.w > 0.0 && all(abs(clip.xy) <= vec2f(bound)) && clip.z >= 0.0 && clip.z <= clip.w;
   if !inside {
@@ -77,24 +80,26 @@ struct LookUp {
   // Of the point, and of what the light sees there.
   depth: f32,
   nearest: f32,
+  // The clip space's of the point.
+  w: f32,
 }
 
 // Of a point of a surface; `side` is the normal on the side of the light.
 fn look_up(point: vec3f, side: vec3f) -> LookUp {
   let own = first_map(point);
   if own.layer == shadow.count {
-    return LookUp(shadow.count, 0.0, 0.0);
+    return LookUp(shadow.count, 0.0, 0.0, 1.0);
   }
   // Moved by the same way for all maps: between two of them it could else be in neither.
   let seen = first_map(point + side * (shadow.bias * shadow.cameras[own.layer].texel * own.clip.w));
   if seen.layer == shadow.count {
-    return LookUp(shadow.count, 0.0, 0.0);
+    return LookUp(shadow.count, 0.0, 0.0, 1.0);
   }
   let ndc = seen.clip.xyz / seen.clip.w;
   let uv = clamp(ndc.xy * vec2f(0.5, -0.5) + 0.5, vec2f(0.0), vec2f(1.0));
   let viewport = shadow.cameras[seen.layer].viewport;
   let texel = min(floor(uv * viewport.zw), viewport.zw - 1.0);
-  return LookUp(seen.layer, ndc.z, textureLoad(depth_map, vec2u(viewport.xy + texel), seen.layer, 0).x);
+  return LookUp(seen.layer, ndc.z, textureLoad(depth_map, vec2u(viewport.xy + texel), seen.layer, 0).x, seen.clip.w);
 }
 
 // Whether something is nearer to the light.

@@ -13,7 +13,7 @@
 #import gbuffer
 
 struct Surface {
-  // In the eye space that the camera's parameters are for.
+  // In the space that the camera's parameters are for.
   position: vec3f,
   normal: vec3f,
   sky: bool,
@@ -27,12 +27,12 @@ fn surface_at(pixel: vec2u) -> Surface {
     return Surface(vec3f(0.0), vec3f(0.0), true);
   }
   let texel = textureLoad(normal_texture, at, 0).xyz;
-  let n = decode_normal(params.camera, params.normals, texel, normalize_or(-p.xyz, vec3f(0.0, 0.0, 1.0)));
+  let n = decode_normal(params.camera, params.normals, texel, normalize_or(params.camera.eye - p.xyz, vec3f(0.0, 0.0, 1.0)));
   // Where the depth's rounding moves the point by more than f32 does, the surface would shade itself: lift the point
   // off it by that much. Reversed depth in 32 bits needs next to nothing, 16-bit depth much.
   let step = params.depth_step + params.depth_relative * depth;
   let toward_eye = select(depth - step, depth + step, params.camera.far_depth == 0.0);
   let nearer = unproject(params.camera, pixel, toward_eye);
   let lift = select(0.0, distance(nearer.xyz, p.xyz), nearer.w != 0.0 && step > 0.0);
-  return Surface(p.xyz + params.camera.eye + n * lift, n, false);
+  return Surface(p.xyz + n * lift, n, false);
 }

@@ -1,6 +1,6 @@
 // The surfel cloud (src/surfel.rs).
 
-// What a disk is: position in the cloud's eye space and radius (0 for none).
+// What a disk is: position in the cloud's space and radius (0 for none).
 // And what it belongs to: its packed normal, its piece, its leaf's path within the piece, and its material.
 struct SurfelSource {
   normal: u32,
@@ -17,7 +17,7 @@ struct SurfelRadiance {
   padding1: f32,
 }
 
-// A triangle after pre-splitting, in the cloud's eye space.
+// A triangle after pre-splitting, in the cloud's space.
 struct Piece {
   a: vec3f,
   material: u32,

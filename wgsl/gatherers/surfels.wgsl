@@ -7,7 +7,7 @@
 #import cluster
 
 struct SurfelParams {
-  // What takes a position to the cloud's eye space.
+  // What takes a position to the cloud's space.
   offset: vec3f,
   // Surfels in the cloud.
   stored: u32,
