@@ -23,8 +23,9 @@
 //!
 //! # Conventions
 //!
-//! * **Spaces.** The caller's world is in `f64` on the CPU ([`Camera`]). On the GPU all positions are in eye space: axes
-//!   of the world, origin at the eye of the camera that the cloud was recorded for. Front faces wind counter-clockwise.
+//! * **Spaces.** The caller's world is in `f64` on the CPU ([`Camera`]). On the GPU all positions have axes of the
+//!   world and their origin at the [focus](Camera::focus) of the camera that the cloud was recorded for, a point near what
+//!   it sees. Front faces wind counter-clockwise.
 //! * **Depth** is what the projection makes of it. Forward or reversed, finite or infinite, perspective or orthographic
 //!   is read off the matrix; a pixel at the far end of the depth range is sky.
 //! * **Images** have row 0 on top. Only the camera's viewport is read and written.
