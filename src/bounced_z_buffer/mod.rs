@@ -66,9 +66,9 @@ pub struct BouncedInput<'a> {
     pub cloud: &'a SurfelCloud,
     /// Their bounds, recorded since the cloud was.
     pub bounds: &'a SenderBounds,
-    /// With [`Lighting::Surfels`] and [`Payload::Radiance`] a storage buffer of a [`SurfelRadiance`] for each surfel of the cloud, as the
-    /// [`SurfelShader`](crate::SurfelShader) or the caller fills it. What is not a number or negative counts as 0, and what is
-    /// above 1e30 as that.
+    /// With [`Lighting::Surfels`] and [`Payload::Radiance`] a storage buffer of a
+    /// [`SurfelRadiance`](crate::SurfelRadiance) for each surfel of the cloud, as the [`SurfelShader`](crate::SurfelShader) or
+    /// the caller fills it. What is not a number or negative counts as 0, and what is above 1e30 as that.
     pub radiance: Option<&'a Buffer>,
     /// With [`Lighting::Hits`] and [`Payload::Radiance`] what lights the hits.
     pub lighting: Option<HitLighting<'a>>,

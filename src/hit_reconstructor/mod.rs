@@ -286,10 +286,10 @@ impl HitReconstructor {
         input: &HitReconstructorInput<'t>,
         scratch: &HitReconstructorView,
     ) -> Result<Option<TextureSlice<'t>>, Error> {
+        const TARGET: &str = "HitReconstructorInput::target";
         let viewport = input.camera.viewport();
         let size = [viewport.width, viewport.height];
         input.gbuffer.validate(viewport)?;
-        const TARGET: &str = "HitReconstructorInput::target";
         screen::check_target(TARGET, &input.target, viewport, self.descriptor.target)?;
         let roughness = input.roughness;
         let roughness = roughness.map(|slice| ("HitReconstructorInput::roughness", slice, 1));

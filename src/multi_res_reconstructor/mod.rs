@@ -337,10 +337,10 @@ impl MultiResReconstructor {
         &self,
         input: &MultiResReconstructorInput<'a>,
     ) -> Result<&'a MultiResMaskSettings, Error> {
+        const TARGET: &str = "MultiResReconstructorInput::target";
         let viewport = input.camera.viewport();
         let size = [viewport.width, viewport.height];
         input.gbuffer.validate(viewport)?;
-        const TARGET: &str = "MultiResReconstructorInput::target";
         screen::check_target(TARGET, &input.target, viewport, self.target)?;
         let levels = (0..LEVELS).filter_map(|level| input.images.level(level));
         let levels = levels.map(|level| ("SubImages", TextureSlice::new(level), 1));

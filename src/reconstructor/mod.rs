@@ -302,6 +302,7 @@ impl Reconstructor {
         input: &ReconstructorInput<'_>,
         scratch: &ReconstructorView,
     ) -> Result<Viewport, Error> {
+        const TARGET: &str = "ReconstructorInput::target";
         let whole = input.camera.viewport();
         let mut viewport = whole;
         if let Some(level) = input.sub_image {
@@ -315,7 +316,6 @@ impl Reconstructor {
             viewport = Viewport::full(width, height);
         }
         let size = [viewport.width, viewport.height];
-        const TARGET: &str = "ReconstructorInput::target";
         screen::check_target(TARGET, &input.target, viewport, self.target)?;
         if self.effect.albedo {
             input.gbuffer.validate(whole)?;

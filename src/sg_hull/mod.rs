@@ -772,11 +772,11 @@ impl SgHull {
         settings: &SgHullSettings,
         hull: &SgHullView,
     ) -> Result<(Buffer, Vec<(u32, TextureView)>), Error> {
+        const TARGET: &str = "SgHullInput::target";
         settings.validate()?;
         check_timestamps(input.timestamps)?;
         let viewport = input.camera.viewport();
         input.gbuffer.validate(viewport)?;
-        const TARGET: &str = "SgHullInput::target";
         screen::check_target(TARGET, &input.target, viewport, self.target)?;
         let mismatch = |name, found: String, needed: String| {
             Err(Error::Mismatch {

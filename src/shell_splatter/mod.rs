@@ -89,8 +89,8 @@ impl SurfelClusters {
 
     /// That they were recorded with these settings from this cloud, since that was.
     pub(crate) fn check(&self, cloud: &SurfelCloud, settings: &SplatSettings) -> Result<(), Error> {
-        check_clusters(cloud, settings, self)?;
         const NAME: &str = "SurfelClusters";
+        check_clusters(cloud, settings, self)?;
         cloud.last()?;
         let (recorded, of) = self.recorded.as_ref().ok_or_else(|| never(NAME))?;
         cloud.check_source(NAME, of)?;

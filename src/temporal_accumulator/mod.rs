@@ -373,6 +373,7 @@ impl TemporalAccumulator {
     }
 
     fn check(&self, input: &TemporalInput<'_>, history: &TemporalHistory) -> Result<(), Error> {
+        const TARGET: &str = "TemporalInput::target";
         let viewport = input.camera.viewport();
         let size = [viewport.width, viewport.height];
         input.gbuffer.validate(viewport)?;
@@ -407,7 +408,6 @@ impl TemporalAccumulator {
                 )?;
             }
         }
-        const TARGET: &str = "TemporalInput::target";
         screen::check_target(TARGET, &input.target, viewport, self.target)?;
         let motion = input.motion.as_ref();
         let motion = motion.map(|motion| ("MotionVectors::texture", motion.texture, 1));

@@ -22,7 +22,7 @@ impl Lab {
 
 #[test]
 fn buffers_of_any_size_are_bound() {
-    let lab = Lab::new();
+    let lab = &*LAB;
     let device = &lab.gpu.device;
     let storage = BufferUsages::STORAGE;
     let mut encoder = lab.gpu.encoder();
@@ -99,12 +99,12 @@ fn buffers_of_any_size_are_bound() {
         let limit = "max_storage_buffer_binding_size";
         refused(shade(e, long + 64, room), "Limit", limit, "materials");
     }
-    submit(&lab, encoder);
+    submit(lab, encoder);
 }
 
 #[test]
 fn timestamps_lie_in_their_set() {
-    let lab = Lab::new();
+    let lab = &*LAB;
     let device = &lab.gpu.device;
     let mut encoder = lab.gpu.encoder();
     let cloud = lab.recorded(&mut encoder, ROOM);
@@ -120,10 +120,8 @@ fn timestamps_lie_in_their_set() {
             begin,
             end,
         });
-        let made = lab
-            .bounced
-            .record_bounds(device, &mut encoder, &cloud, &bounds, timestamps);
-        made
+        lab.bounced
+            .record_bounds(device, &mut encoder, &cloud, &bounds, timestamps)
     };
     let occlusion = wgpu::QueryType::Occlusion;
     refused(
@@ -148,5 +146,5 @@ fn timestamps_lie_in_their_set() {
             "below its count",
         );
     }
-    submit(&lab, encoder);
+    submit(lab, encoder);
 }

@@ -11,7 +11,7 @@ use crate::refusals::refused;
 /// Nothing shines and nothing occludes, and nothing fails.
 #[test]
 fn clouds_without_room_work_in_every_pass() {
-    let lab = Lab::new();
+    let lab = &*LAB;
     let device = &lab.gpu.device;
     let mut encoder = lab.gpu.encoder();
     let e = &mut encoder;
@@ -48,13 +48,13 @@ fn clouds_without_room_work_in_every_pass() {
         let settings = SurfelShaderSettings::default();
         shader.record(device, e, &input, &settings).expect("light");
     }
-    submit(&lab, encoder);
+    submit(lab, encoder);
 }
 
 /// Their products are beyond 64 bits: overflow is a panic where it is checked.
 #[test]
 fn sizes_beyond_all_bounds_are_refused() {
-    let lab = Lab::new();
+    let lab = &*LAB;
     let device = &lab.gpu.device;
     let (width, height) = (1 << 31, 1 << 30);
     let (kind, limit) = ("Limit", "max_texture_dimension_2d");
@@ -109,7 +109,7 @@ fn the_largest_cloud_is_told() {
         (largest.surfels, largest.pieces, largest.triangles),
         (1 << 23, 2_796_202, (1 << 25) - 1)
     );
-    let lab = Lab::new();
+    let lab = &*LAB;
     let limits = lab.gpu.device.limits();
     let mut more = CloudCapacity::largest(&limits);
     if more.pieces < 1 << 23 {

@@ -11,6 +11,8 @@ mod refusals;
 #[path = "../../examples/support/mod.rs"]
 mod support;
 
+use std::sync::LazyLock;
+
 use deep_screen_space::{
     AmbientOcclusion, BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView,
     BouncedZBuffer, Camera, CloudCapacity, ClusterInput, Error, GBuffer, Geometry, HitLighting,
@@ -26,6 +28,9 @@ use support::{
 };
 
 const SIDE: u32 = 8;
+
+/// Pipelines take longest.
+static LAB: LazyLock<Lab> = LazyLock::new(Lab::new);
 
 /// A wall before the camera, its G-buffer, and passes that see it.
 struct Lab {

@@ -13,7 +13,7 @@ use crate::refusals::refused;
 
 #[test]
 fn clusters_and_sums_are_those_of_the_cloud() {
-    let lab = Lab::new();
+    let lab = &*LAB;
     let device = &lab.gpu.device;
     let mut encoder = lab.gpu.encoder();
     let e = &mut encoder;
@@ -98,12 +98,12 @@ fn clusters_and_sums_are_those_of_the_cloud() {
         .expect("clusters");
     lab.splat(e, (&cloud, &clusters), &view).expect("sums");
     resolve(e, &cloud, 2, None).expect("a picture");
-    submit(&lab, encoder);
+    submit(lab, encoder);
 }
 
 #[test]
 fn bounds_and_hits_are_those_of_the_cloud() {
-    let lab = Lab::new();
+    let lab = &*LAB;
     let device = &lab.gpu.device;
     let mut encoder = lab.gpu.encoder();
     let e = &mut encoder;
@@ -198,12 +198,12 @@ fn bounds_and_hits_are_those_of_the_cloud() {
     lab.record_cloud(e, &mut cloud);
     refused(trace(e, &cloud), kind, "SenderBounds", before);
     refused(resolve(e, &cloud, 4, 0), kind, "BouncedView", before);
-    submit(&lab, encoder);
+    submit(lab, encoder);
 }
 
 #[test]
 fn gatherers_bind_for_themselves() {
-    let lab = Lab::new();
+    let lab = &*LAB;
     let device = &lab.gpu.device;
     let (polygons, lights) = (Gatherer::polygons(device), Gatherer::lights(device));
     let eye = lab.camera.eye();
@@ -274,12 +274,12 @@ fn gatherers_bind_for_themselves() {
         let recorded = record(&own, DVec3::X * bad);
         refused(recorded, "Setting", "SgHullInput::origin", "finite");
     }
-    submit(&lab, encoder);
+    submit(lab, encoder);
 }
 
 #[test]
 fn unknown_constants_are_refused() {
-    let lab = Lab::new();
+    let lab = &*LAB;
     let device = &lab.gpu.device;
     let constants = vec![("NO_SUCH".to_owned(), 1.0)];
     let mut effect = AmbientOcclusion::default().effect();

@@ -77,7 +77,7 @@ const SIZE: [u32; 2] = [SIDE; 2];
 /// A depth with a stencil, a mip level, a layer of an array, a face of a cube: the crate makes the view.
 #[test]
 fn parts_of_a_gbuffer_are_read() {
-    let lab = Lab::new();
+    let lab = &*LAB;
     let mut encoder = lab.gpu.encoder();
     let e = &mut encoder;
     let usage = Usages::TEXTURE_BINDING | Usages::RENDER_ATTACHMENT;
@@ -144,13 +144,13 @@ fn parts_of_a_gbuffer_are_read() {
         view_formats: &[],
     });
     refused(record(e, (&volume).into()), shape, "GBuffer::depth", "2-D");
-    submit(&lab, encoder);
+    submit(lab, encoder);
 }
 
 /// Targets of several mips and layers, and one seen with sRGB.
 #[test]
 fn parts_of_a_target_are_written() {
-    let lab = Lab::new();
+    let lab = &*LAB;
     let mut encoder = lab.gpu.encoder();
     let e = &mut encoder;
     let usage = Usages::RENDER_ATTACHMENT | Usages::COPY_SRC | Usages::STORAGE_BINDING;
@@ -172,7 +172,7 @@ fn parts_of_a_target_are_written() {
     refused(record(e, wrong, Format::Bgra8Unorm), "Format", name, "sRGB");
     refused(record(e, part.mip(2), srgb), "Shape", name, "mip level");
     record(e, part.seen_as(srgb), srgb).expect("a picture with sRGB");
-    submit(&lab, encoder);
+    submit(lab, encoder);
     let read = |layer| -> Vec<[u8; 4]> {
         let texture = &target;
         let size = wgpu::Extent3d {
@@ -218,7 +218,7 @@ fn parts_of_a_target_are_written() {
 /// A plain map, a layer of an array and the six faces of a cube.
 #[test]
 fn shadow_maps_are_what_callers_have() {
-    let lab = Lab::new();
+    let lab = &*LAB;
     let device = &lab.gpu.device;
     let pass = SoftShadows::new(device, None).expect("pipelines");
     let mut encoder = lab.gpu.encoder();
@@ -260,13 +260,13 @@ fn shadow_maps_are_what_callers_have() {
         "ShadowMap::depth",
         "3 layers from 2 on, of 4",
     );
-    submit(&lab, encoder);
+    submit(lab, encoder);
 }
 
 /// wgpu has no texture both read and written in one pass; and who reads what was just overwritten reads nonsense.
 #[test]
 fn targets_are_none_of_the_inputs() {
-    let lab = Lab::new();
+    let lab = &*LAB;
     let device = &lab.gpu.device;
     let mut encoder = lab.gpu.encoder();
     let usage = Usages::TEXTURE_BINDING | Usages::RENDER_ATTACHMENT | Usages::STORAGE_BINDING;
@@ -369,14 +369,14 @@ fn targets_are_none_of_the_inputs() {
         "SgHullInput::target",
         "GBuffer::albedo",
     );
-    submit(&lab, encoder);
+    submit(lab, encoder);
 }
 
 /// What the albedo holds that is no share of light comes out of no pass: the picture is that of white surfaces times what counts
 /// of it.
 #[test]
 fn albedo_that_is_not_finite_is_black() {
-    let lab = Lab::new();
+    let lab = &*LAB;
     let texels: Vec<[f32; 4]> = (0..SIDE * SIDE)
         .map(|i| match i % 5 {
             0 => [f32::NAN, 0.5, 0.5, 0.0],
@@ -405,13 +405,13 @@ fn albedo_that_is_not_finite_is_black() {
         }
     };
     check("hull", &|gbuffer| {
-        hull_picture(&lab, gbuffer, SgHull::record)
+        hull_picture(lab, gbuffer, SgHull::record)
     });
     check("exact hull", &|gbuffer| {
-        hull_picture(&lab, gbuffer, SgHull::record_exact)
+        hull_picture(lab, gbuffer, SgHull::record_exact)
     });
-    check("hits", &|gbuffer| hits_picture(&lab, gbuffer));
-    check("sums", &|gbuffer| sums_picture(&lab, gbuffer));
+    check("hits", &|gbuffer| hits_picture(lab, gbuffer));
+    check("sums", &|gbuffer| sums_picture(lab, gbuffer));
 }
 
 type RecordHull = fn(
