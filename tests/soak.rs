@@ -1,7 +1,12 @@
 //! Memory while what belongs to a view is made, recorded and dropped over and over, as an engine does that resizes its window
 //! or changes its scene: it stays where it is, pass by pass.
 //!
-//! `DSS_SOAK_CYCLES` is how many cycles each pass has. Linux alone tells how much memory a process has.
+//! But for lavapipe of Mesa 22.3. It puts the values of uniforms that branches and loops depend on into a copy of the shader at
+//! each dispatch and, where less than half of the shader is left, keeps the copy until the pipeline is dropped. `keeps_copies` is
+//! the smallest program that shows it, without this crate: 0.13 MB a dispatch. Passes whose loops end at a setting grow by
+//! as much there, by each recording, whether anything is made anew or not. What is told of them is then not held against them.
+//!
+//! `DSS_SOAK_CYCLES` is how many cycles each pass has, and `DSS_SOAK_PASS` the name of the one pass to run. Linux alone tells how much memory a process has.
 #![cfg(target_os = "linux")]
 
 mod shot;
@@ -24,7 +29,7 @@ use deep_screen_space::{
     TemporalInput, TemporalSettings, VolumetricObscurance, VolumetricObscuranceDescriptor,
     glam::DVec3,
     scenes,
-    wgpu::{CommandEncoder, TextureFormat as Format},
+    wgpu::{self, CommandEncoder, TextureFormat as Format},
 };
 use shot::{Shot, camera_of};
 use support::gpu::{Ask, Gpu};
@@ -41,6 +46,9 @@ fn resident() -> f64 {
 struct Soak<'a> {
     gpu: &'a Gpu,
     cycles: u32,
+    only: Option<String>,
+    /// Whether the driver keeps copies of shaders that loop as often as a uniform says.
+    driver_keeps: bool,
     failed: Vec<String>,
 }
 
@@ -51,6 +59,9 @@ impl Soak<'_> {
         name: &str,
         mut cycle: impl FnMut(&mut CommandEncoder) -> Result<(), Error>,
     ) {
+        if self.only.as_ref().is_some_and(|only| only != name) {
+            return;
+        }
         let mut run = |count| {
             for _ in 0..count {
                 let mut encoder = self.gpu.encoder();
@@ -60,18 +71,101 @@ impl Soak<'_> {
         };
         run(self.cycles.clamp(50, 500));
         let before = resident();
+        let start = std::time::Instant::now();
         run(self.cycles);
+        let ms = start.elapsed().as_secs_f64() * 1e3 / f64::from(self.cycles);
         let grown = (resident() - before) / 1e6;
         println!(
-            "{name:<16} {grown:8.2} MB in {} cycles, {:.3} a thousand",
+            "{name:<16} {grown:8.2} MB in {} cycles, {:.3} a thousand; {ms:.1} ms each",
             self.cycles,
             1e3 * grown / f64::from(self.cycles)
         );
         // Pages that allocators keep, and what they fragment.
-        if grown > 4.0 + 0.004 * f64::from(self.cycles) {
-            self.failed.push(format!("{name} {grown} MB"));
+        if grown > 4.0 + 0.001 * f64::from(self.cycles) {
+            if self.driver_keeps && LOOPS.contains(&name) {
+                println!("  (the driver's)");
+            } else {
+                self.failed.push(format!("{name} {grown} MB"));
+            }
         }
     }
+}
+
+/// Passes that loop as often as a uniform says.
+const LOOPS: [&str; 6] = [
+    "lit surfels",
+    "blend",
+    "soft shadows",
+    "screen-space gi",
+    "obscurance",
+    "hull",
+];
+
+/// Whether memory grows by dispatches of a kernel with a loop that a uniform lets run 0 times, without this crate.
+fn keeps_copies(gpu: &Gpu) -> bool {
+    const KERNEL: &str = "
+@group(0) @binding(0) var<uniform> times: vec4u;
+@group(0) @binding(1) var<storage, read_write> result: array<vec4f>;
+@compute @workgroup_size(64)
+fn sum(@builtin(global_invocation_id) id: vec3u) {
+  var s = vec4f(f32(id.x));
+  for (var i = 0u; i < times.x; i++) {
+    s += sin(s.yzwx * 1.5) * cos(s.zwxy + f32(id.x));
+    s += sin(s.yzwx * 2.5) * cos(s.zwxy + f32(id.x));
+    s += sin(s.yzwx * 3.5) * cos(s.zwxy + f32(id.x));
+    s += sin(s.yzwx * 4.5) * cos(s.zwxy + f32(id.x));
+    s += sin(s.yzwx * 5.5) * cos(s.zwxy + f32(id.x));
+    s += sin(s.yzwx * 6.5) * cos(s.zwxy + f32(id.x));
+  }
+  result[id.x] = s;
+}
+";
+    let device = &gpu.device;
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Wgsl(KERNEL.into()),
+    });
+    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: None,
+        layout: None,
+        module: &module,
+        entry_point: None,
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    });
+    let times = gpu.buffer(&[0_u32; 4], wgpu::BufferUsages::UNIFORM);
+    let result = gpu.buffer(&[0_u32; 256], wgpu::BufferUsages::STORAGE);
+    let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: None,
+        layout: &pipeline.get_bind_group_layout(0),
+        entries: &[
+            wgpu::BindGroupEntry {
+                binding: 0,
+                resource: times.as_entire_binding(),
+            },
+            wgpu::BindGroupEntry {
+                binding: 1,
+                resource: result.as_entire_binding(),
+            },
+        ],
+    });
+    let run = || {
+        for _ in 0..100 {
+            let mut encoder = gpu.encoder();
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_pipeline(&pipeline);
+            pass.set_bind_group(0, &group, &[]);
+            pass.dispatch_workgroups(1, 1, 1);
+            drop(pass);
+            gpu.finish(encoder);
+        }
+    };
+    run();
+    let before = resident();
+    run();
+    let grown = (resident() - before) / 1e6;
+    println!("{:<16} {grown:8.2} MB in 100 dispatches", "a plain loop");
+    grown > 2.0
 }
 
 #[test]
@@ -82,6 +176,8 @@ fn memory_stays() {
     let mut soak = Soak {
         gpu: &gpu,
         cycles,
+        only: std::env::var("DSS_SOAK_PASS").ok(),
+        driver_keeps: keeps_copies(&gpu),
         failed: Vec::new(),
     };
     let device = &gpu.device;

@@ -103,7 +103,7 @@ pub struct Outcome {
 }
 
 /// How many successive cases have the same pipelines and formats.
-const FAMILY: u64 = 8;
+const FAMILY: u64 = 32;
 
 /// One case while it is recorded.
 pub struct Case<'w> {
@@ -143,6 +143,14 @@ impl<'w> Case<'w> {
             (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
         });
         Random::new(name).one_of(choices)
+    }
+
+    /// A number of times that a shader loops, which lavapipe of Mesa 22.3 compiles into it.
+    pub fn loops(&mut self, name: &str, high: u32) -> u32 {
+        if self.random.breaks() {
+            return self.random.count(1, high);
+        }
+        self.usual(name, &[1, 2, 7, 16, 33, 100, high])
     }
 
     /// Keeps an input, to be printed if the case fails.

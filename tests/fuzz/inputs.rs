@@ -296,7 +296,10 @@ fn fill(
                 data.extend(case.random.garbage(bytes as usize));
             } else {
                 let texel = texel(x.saturating_sub(viewport.x), y.saturating_sub(viewport.y));
+                let end = data.len() + bytes as usize;
                 encode(format, texel, &mut data);
+                // Formats of whole numbers are to be refused, whatever they hold.
+                data.resize(end, 0);
             }
         }
     }

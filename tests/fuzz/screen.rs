@@ -30,8 +30,8 @@ impl Effect {
                 let settings = SoftShadowsSettings {
                     extent: case.random.scale(0.0, 1e18),
                     max_penumbra: case.random.scale(f32::MIN_POSITIVE, 1e18),
-                    blockers: case.random.count(1, 1024),
-                    samples: case.random.count(1, 1024),
+                    blockers: case.loops("blockers", 1024),
+                    samples: case.loops("samples", 1024),
                     turn: case.random.chance(0.5),
                 };
                 case.note("soft shadows", settings);
@@ -45,7 +45,7 @@ impl Effect {
                 });
                 let settings = ScreenSpaceGiSettings {
                     radius: case.random.scale(f32::MIN_POSITIVE, 1e8),
-                    samples: case.random.count(1, 16384),
+                    samples: case.loops("points", 16384),
                     turn: case.random.chance(0.5),
                 };
                 case.note("screen-space gi", settings);
