@@ -366,7 +366,7 @@ fn broken_nodes() {
             "instances of no accessor",
             &|f| {
                 f.json["nodes"][0]["extensions"] =
-                    json!({ "EXT_mesh_gpu_instancing": { "attributes": { "SCALE": 99 } } })
+                    json!({ "EXT_mesh_gpu_instancing": { "attributes": { "SCALE": 99 } } });
             },
             "there is no accessor 99",
         ),

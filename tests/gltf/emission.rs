@@ -235,6 +235,19 @@ fn base_colours_are_means_in_linear_light() {
     assert_eq!(of(v(0.75), turned, none()), 1.0);
 }
 
+/// Stored values are sRGB: dark ones are a twelfth of what they say, others a power of it.
+#[test]
+fn textures_are_srgb() {
+    let mut file = of_material(json!({ "emissiveFactor": [1, 1, 1] }));
+    let texture = add_texture(&mut file, &[[10, 128, 255]], ImageFormat::Png);
+    file.json["materials"][0]["emissiveTexture"] = json!({ "index": texture });
+    texture_coordinates(&mut file, ALL);
+    assert_close(
+        only(&file.scene()).emission,
+        [0.003_035_27, 0.215_860_5, 1.0].map(|c| c * PI),
+    );
+}
+
 /// Colours of vertices multiply the base colour; groups of triangles keep their mean.
 #[test]
 fn colours_of_vertices() {
@@ -267,7 +280,7 @@ fn many_colours_become_few_parts() {
     let mean: f32 = colors.iter().map(|c| c[0]).sum::<f32>() / colors.len() as f32;
     let positions = file.floats(&positions);
     let colors = file.floats(&colors);
-    file.show(json!({ "attributes": { "POSITION": positions, "COLOR_0": colors } }));
+    file.show(&json!({ "attributes": { "POSITION": positions, "COLOR_0": colors } }));
     let scene = file.scene();
     assert_sound(&scene);
     assert_eq!(scene.triangle_count(), 3000);

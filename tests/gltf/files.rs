@@ -93,7 +93,7 @@ impl File {
     }
 
     /// A node of the scene that shows a mesh of one primitive; returns the node.
-    pub fn show(&mut self, primitive: Value) -> usize {
+    pub fn show(&mut self, primitive: &Value) -> usize {
         let mesh = self.push("meshes", json!({ "primitives": [primitive] }));
         self.node(json!({ "mesh": mesh }))
     }
@@ -174,7 +174,7 @@ pub fn square() -> File {
     let positions = file.floats(&CORNERS);
     let normals = file.floats(&[[0.0, 0.0, 1.0]; 4]);
     let indices = file.indices(&SQUARE);
-    file.show(json!({
+    file.show(&json!({
         "attributes": { "POSITION": positions, "NORMAL": normals },
         "indices": indices,
     }));

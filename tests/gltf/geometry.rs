@@ -24,7 +24,7 @@ fn of_mode(mode: u32, positions: &[[f32; 3]], indices: Option<&[u16]>) -> File {
     if let Some(indices) = indices {
         primitive["indices"] = json!(file.indices(indices));
     }
-    file.show(primitive);
+    file.show(&primitive);
     file
 }
 
@@ -65,7 +65,7 @@ fn what_makes_no_triangle_is_noted() {
         let mut beside = square();
         let positions = beside.floats(&ZIGZAG);
         for _ in 0..2 {
-            beside.show(json!({ "attributes": { "POSITION": positions }, "mode": mode }));
+            beside.show(&json!({ "attributes": { "POSITION": positions }, "mode": mode }));
         }
         let loaded = beside.read().expect("a square");
         assert_eq!(near_origin(loaded.world).triangle_count(), 2);

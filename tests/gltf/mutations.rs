@@ -292,7 +292,7 @@ fn mutated(seed: &File, random: &mut Random) -> Vec<u8> {
             change(&mut file.json, random);
         }
     }
-    if ways % 4 == 0 {
+    if ways.is_multiple_of(4) {
         scribble(&mut file.bytes, random);
     }
     let mut text = file.json.to_string().into_bytes();

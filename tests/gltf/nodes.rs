@@ -63,6 +63,32 @@ fn mirrored_and_flattened_nodes() {
     }
 }
 
+/// A slope of one in one, made four times as long and mirrored: its normal stays square to it, on its front.
+#[test]
+fn stretched_nodes_keep_normals_square() {
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    let mut file = square();
+    let slope = file.floats(&[
+        [0.0, 0.0, 0.0],
+        [1.0, 0.0, -1.0],
+        [1.0, 1.0, -1.0],
+        [0.0, 1.0, 0.0],
+    ]);
+    let normals = file.floats(&[[half, 0.0, half]; 4]);
+    file.json["meshes"][0]["primitives"][0]["attributes"] =
+        json!({ "POSITION": slope, "NORMAL": normals });
+    for stretch in [4.0_f64, -4.0] {
+        file.json["nodes"][0]["scale"] = json!([stretch, 1, 1]);
+        let scene = file.scene();
+        let expected = area(&scene).normalize();
+        assert!((expected.x - stretch.signum() / 17.0_f64.sqrt()).abs() < 1e-6);
+        for normal in &scene.normals {
+            let off = Vec3::from(*normal).as_dvec3() - expected;
+            assert!(off.length() < 1e-6, "{stretch}: {normal:?}, not {expected}");
+        }
+    }
+}
+
 /// Without a list of scenes what no node is above is in the scene, and what is below that.
 #[test]
 fn a_file_without_scenes_shows_all() {

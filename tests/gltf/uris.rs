@@ -43,7 +43,7 @@ pub fn base64(bytes: &[u8]) -> String {
 fn data_uris() {
     let bytes = square().bytes;
     let expected = triangles(&square().scene());
-    let percent: String = bytes.iter().map(|b| format!("%{b:02x}")).collect();
+    let percent = percent_encoding::percent_encode(&bytes, percent_encoding::NON_ALPHANUMERIC);
     for uri in [
         format!("data:application/octet-stream;base64,{}", base64(&bytes)),
         format!("data:application/gltf-buffer;base64,{}", base64(&bytes)),

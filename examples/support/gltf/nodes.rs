@@ -144,7 +144,7 @@ fn below(nodes: &[json::Node], tops: &[usize], mut visit: impl FnMut(usize)) {
     while let Some(i) = open.pop() {
         visit(i);
         let children = nodes[i].children.iter().flatten();
-        open.extend(children.rev().map(|child| child.value()));
+        open.extend(children.rev().map(json::Index::value));
     }
 }
 
