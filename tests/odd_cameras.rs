@@ -12,14 +12,14 @@ use std::sync::LazyLock;
 
 use deep_screen_space::{
     AmbientOcclusion, BouncedSettings, Camera, Channels, DiskSamples, Error, MultiResMask,
-    MultiResMaskSettings, Normals, ObscuranceInput, ObscuranceSampling, ObscuranceSettings,
+    MultiResMaskSettings, ObscuranceInput, ObscuranceSampling, ObscuranceSettings,
     ObscuranceVolume, Payload, Sampling, ScreenSpaceGi, ScreenSpaceGiInput, ScreenSpaceGiSettings,
     SplatSettings, TemporalAccumulator, TemporalInput, TemporalSettings, Viewport,
     VolumetricObscurance, VolumetricObscuranceDescriptor,
     glam::{DMat4, DVec3, DVec4, dcamera::rh::proj::directx as right},
     reference::trace::Receiver,
     scenes,
-    wgpu::{self, TextureFormat as Format},
+    wgpu::TextureFormat as Format,
 };
 use multi_res::Frame;
 use rays::{AMPLE, lab, triangles};
@@ -97,15 +97,11 @@ fn pictures(shot: &Shot, before: &Shot) -> Vec<(&'static str, Vec<f32>)> {
         });
         let input = ObscuranceInput {
             depth: gbuffer.depth,
-            normals: Some(Normals {
-                view: gbuffer.normal,
-                encoding: gbuffer.normal_encoding,
-                space: gbuffer.normal_space,
-            }),
+            normals: Some(gbuffer.normals()),
             camera,
             moments: moments.as_ref(),
             work: None,
-            target: &target,
+            target: target.texture().into(),
             timestamps: None,
         };
         let settings = ObscuranceSettings {
@@ -144,9 +140,9 @@ fn pictures(shot: &Shot, before: &Shot) -> Vec<(&'static str, Vec<f32>)> {
     let input = ScreenSpaceGiInput {
         gbuffer: shot.gbuffer(),
         camera,
-        lit: &lit,
+        lit: lit.texture().into(),
         work: None,
-        target: &target,
+        target: target.texture().into(),
         timestamps: None,
     };
     let settings = ScreenSpaceGiSettings {
@@ -181,8 +177,8 @@ fn pictures(shot: &Shot, before: &Shot) -> Vec<(&'static str, Vec<f32>)> {
             camera: &shot.camera,
             previous_camera: &previous.camera,
             motion: None,
-            picture,
-            target: &target,
+            picture: picture.texture().into(),
+            target: target.texture().into(),
             reset: false,
             timestamps: None,
         };

@@ -40,11 +40,13 @@ fn effect(case: &mut Case<'_>) -> Effect {
             materials: true,
             albedo: true,
             two_sided: true,
+            own_surface: false,
             constants: Vec::new(),
         },
         1 => AmbientOcclusion {
             two_sided: true,
             overlap: Overlap::Independent,
+            own_surface: true,
         }
         .effect(),
         _ => AmbientOcclusion::default().effect(),
