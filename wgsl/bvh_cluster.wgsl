@@ -44,6 +44,8 @@ fn height_limit(level: u32) -> u32 {
   return 24u + 8u * level;
 }
 
+// Clusters in the order of space: where what is below is of each.
+var<workgroup> order: array<u32, 256>;
 // A cluster's lowest corner and the area of its triangles, and its highest corner and the number of its primitives.
 var<workgroup> lows: array<vec4f, 256>;
 var<workgroup> highs: array<vec4f, 256>;
@@ -60,15 +62,17 @@ var<workgroup> active_clusters: u32;
 // boxes that whose index differs in the lowest bits counts: it would choose the same.
 fn nearest_neighbors(first: u32, count: u32, limit: u32) -> vec4u {
   let own = vec4u(first) + vec4u(0u, 1u, 2u, 3u);
-  let lowest = transpose(mat4x3f(lows[own.x].xyz, lows[own.y].xyz, lows[own.z].xyz, lows[own.w].xyz));
-  let highest = transpose(mat4x3f(highs[own.x].xyz, highs[own.y].xyz, highs[own.z].xyz, highs[own.w].xyz));
+  let at = vec4u(order[own.x], order[own.y], order[own.z], order[own.w]);
+  let lowest = transpose(mat4x3f(lows[at.x].xyz, lows[at.y].xyz, lows[at.z].xyz, lows[at.w].xyz));
+  let highest = transpose(mat4x3f(highs[at.x].xyz, highs[at.y].xyz, highs[at.z].xyz, highs[at.w].xyz));
   var best = own;
   var least = vec4u(0xffffffffu);
   // What each of the four may choose is loaded once for all: loads from workgroup memory are what takes the time.
   for (var j = max(first, RADIUS) - RADIUS; j < min(first + 4u + RADIUS, count); j++) {
-    if heights[j] < limit {
-      let low = lows[j].xyz;
-      let high = highs[j].xyz;
+    let source = order[j];
+    if heights[source] < limit {
+      let low = lows[source].xyz;
+      let high = highs[source].xyz;
       let x = min(max(highest[0], vec4f(high.x)) - min(lowest[0], vec4f(low.x)), vec4f(FAR));
       let y = min(max(highest[1], vec4f(high.y)) - min(lowest[1], vec4f(low.y)), vec4f(FAR));
       let z = min(max(highest[2], vec4f(high.z)) - min(lowest[2], vec4f(low.z)), vec4f(FAR));
@@ -81,7 +85,7 @@ fn nearest_neighbors(first: u32, count: u32, limit: u32) -> vec4u {
       least = select(least, area, is_in_reach & is_less);
     }
   }
-  let is_open = vec4u(heights[own.x], heights[own.y], heights[own.z], heights[own.w]) < vec4u(limit);
+  let is_open = vec4u(heights[at.x], heights[at.y], heights[at.z], heights[at.w]) < vec4u(limit);
   return select(own, best, is_open);
 }
 
@@ -93,8 +97,12 @@ fn load_cluster(thread: u32, reference: u32, place: u32) {
   var height = 0u;
   if (reference & LEAF) != 0u {
     let piece = pieces[reference & ~LEAF];
-    box = box_of(piece, lowest_of(vec3u(state.bounds[0], state.bounds[1], state.bounds[2])));
-    area = area_of(piece);
+    if is_sound(piece) {
+      box = box_of(piece);
+      area = area_of(piece);
+    } else {
+      box = point_of(vec3u(state.bounds[0], state.bounds[1], state.bounds[2]));
+    }
   } else {
     let node = binary[reference];
     box = Box(node.low, node.high);
@@ -106,6 +114,20 @@ fn load_cluster(thread: u32, reference: u32, place: u32) {
   highs[thread] = vec4f(box.high, f32(count));
   ids[thread] = vec2u(reference, place);
   heights[thread] = height;
+}
+
+// Makes one of two clusters, where the first one is.
+fn merge(a: u32, b: u32) {
+  let low = vec4f(min(lows[a].xyz, lows[b].xyz), lows[a].w + lows[b].w);
+  let high = vec4f(max(highs[a].xyz, highs[b].xyz), highs[a].w + highs[b].w);
+  let height = max(heights[a], heights[b]) + 1u;
+  let first = ids[a];
+  let second = ids[b];
+  binary[first.y] = BinaryNode(low.xyz, first.x, high.xyz, second.x, u32(high.w), low.w, height, 0u);
+  lows[a] = low;
+  highs[a] = high;
+  heights[a] = height;
+  ids[a] = vec2u(first.y, second.y);
 }
 
 // How many of the clusters that stay come before one.
@@ -143,6 +165,7 @@ fn cluster(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_in
   var found: array<vec2u, 4>;
   for (var k = 0u; k < CLUSTERS_A_THREAD; k++) {
     let i = first + k;
+    order[i] = i;
     let at = block * BLOCK + i;
     found[k] = vec2u(NO_NODE, 0u);
     if params.level == 0u {
@@ -190,44 +213,30 @@ fn cluster(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_in
       atomicStore(&stays[thread], 0u);
     }
     workgroupBarrier();
-    var low: array<vec4f, 4>;
-    var high: array<vec4f, 4>;
-    var own: array<vec2u, 4>;
-    var height: array<u32, 4>;
-    var stay: array<bool, 4>;
+    var kept: array<u32, 4>;
+    var stay = 0u;
     for (var k = 0u; k < CLUSTERS_A_THREAD; k++) {
       let i = first + k;
-      stay[k] = false;
       if i < count {
         let partner = partners[i];
-        let mutual = partner != i && partners[partner] == i;
-        stay[k] = !mutual || i < partner;
-        if stay[k] {
-          low[k] = lows[i];
-          high[k] = highs[i];
-          own[k] = ids[i];
-          height[k] = heights[i];
-          if mutual {
-            let other = ids[partner];
-            low[k] = vec4f(min(low[k].xyz, lows[partner].xyz), low[k].w + lows[partner].w);
-            high[k] = vec4f(max(high[k].xyz, highs[partner].xyz), high[k].w + highs[partner].w);
-            height[k] = max(height[k], heights[partner]) + 1u;
-            let node = own[k];
-            binary[node.y] = BinaryNode(low[k].xyz, node.x, high[k].xyz, other.x, u32(high[k].w), low[k].w, height[k], 0u);
-            own[k] = vec2u(node.y, other.y);
+        let is_mutual = partner != i && partners[partner] == i;
+        if !is_mutual || i < partner {
+          stay |= 1u << k;
+          kept[k] = order[i];
+          if is_mutual {
+            merge(kept[k], order[partner]);
           }
-          atomicOr(&stays[i / 32u], 1u << (i % 32u));
         }
       }
+    }
+    if stay != 0u {
+      atomicOr(&stays[first / 32u], stay << (first % 32u));
     }
     workgroupBarrier();
     var place = place_of(first);
     for (var k = 0u; k < CLUSTERS_A_THREAD; k++) {
-      if stay[k] {
-        lows[place] = low[k];
-        highs[place] = high[k];
-        ids[place] = own[k];
-        heights[place] = height[k];
+      if (stay & (1u << k)) != 0u {
+        order[place] = kept[k];
         place++;
       }
     }
@@ -239,9 +248,9 @@ fn cluster(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_in
   }
   if goal == 1u {
     if thread == 0u && left > 0u {
-      state.root = ids[0].x;
+      state.root = ids[order[0]].x;
     }
   } else if thread < BLOCK_LEFT && block < blocks {
-    clusters_left[block * BLOCK_LEFT + thread] = select(vec2u(NO_NODE, 0u), ids[thread], thread < left);
+    clusters_left[block * BLOCK_LEFT + thread] = select(vec2u(NO_NODE, 0u), ids[order[thread]], thread < left);
   }
 }

@@ -52,28 +52,25 @@ struct Task {
 // the binary tree's depth is bounded, and with it that of the wide one.
 const DEEP: u32 = 16u;
 
-fn reference_box(reference: u32) -> Box {
-  if (reference & LEAF) != 0u {
-    let b = &state.bounds;
-    let low = lowest_of(vec3u(atomicLoad(&b[0]), atomicLoad(&b[1]), atomicLoad(&b[2])));
-    return box_of(pieces[reference & ~LEAF], low);
-  }
-  let node = binary[reference];
-  return Box(node.low, node.high);
+// What a reference stands for.
+struct Below {
+  box: Box,
+  // Primitives, and the area of their triangles.
+  count: u32,
+  area: f32,
 }
 
-fn reference_count(reference: u32) -> u32 {
-  if (reference & LEAF) != 0u {
-    return 1u;
+fn load_below(reference: u32) -> Below {
+  if (reference & LEAF) == 0u {
+    let node = binary[reference];
+    return Below(Box(node.low, node.high), node.count, node.area);
   }
-  return binary[reference].count;
-}
-
-fn reference_area(reference: u32) -> f32 {
-  if (reference & LEAF) != 0u {
-    return area_of(pieces[reference & ~LEAF]);
+  let piece = pieces[reference & ~LEAF];
+  if is_sound(piece) {
+    return Below(box_of(piece), 1u, area_of(piece));
   }
-  return binary[reference].area;
+  let b = &state.bounds;
+  return Below(point_of(vec3u(atomicLoad(&b[0]), atomicLoad(&b[1]), atomicLoad(&b[2]))), 1u, 0.0);
 }
 
 // Nodes below one of `count` primitives that is a node itself.
@@ -98,152 +95,178 @@ fn exponent_above(x: f32) -> u32 {
   return clamp((bits >> 23u) + select(0u, 1u, (bits & 0x7fffffu) != 0u), 1u, 254u);
 }
 
+// What is below a node, up to eight.
+var<private> references: array<u32, 8>;
+var<private> lows: array<vec3f, 8>;
+var<private> highs: array<vec3f, 8>;
+var<private> counts: array<u32, 8>;
+// What has the largest is taken apart next, what has 0 never.
+var<private> sizes: array<u32, 8>;
+// In the order of children.
+var<private> ranks: array<u32, 8>;
+
+const IS_NODE: u32 = 0x80000000u;
+
+// `depth` counts from the node that is made.
+fn set_below(i: u32, reference: u32, depth: u32, deep: bool) {
+  let below = load_below(reference);
+  let area = half_area(below.box);
+  references[i] = reference;
+  lows[i] = below.box.low;
+  highs[i] = below.box.high;
+  counts[i] = below.count;
+  // Bits of floats that are not negative have the floats' order. Pairs of triangles come last: they are leaves as they are.
+  var size = 0u;
+  if below.count > LEAF_SIZE {
+    size = IS_NODE | select(bitcast<u32>(area), 64u - depth, deep);
+  } else if below.count > 1u {
+    size = 1u + (bitcast<u32>(area) >> 1u);
+  }
+  sizes[i] = size;
+  // Nodes come before leaves, and of either kind first what is fuller of triangles: it is more likely to stop a ray.
+  let full = select(0.0, min(below.area / area, FAR), area > 0.0);
+  ranks[i] = bitcast<u32>(full) | select(0u, IS_NODE, below.count > LEAF_SIZE);
+}
+
+// How many of eight are larger than the i-th, or as large and before it.
+fn rank_of(a: vec4u, b: vec4u, own: u32, i: u32) -> u32 {
+  let is_before_a = (a > vec4u(own)) | ((a == vec4u(own)) & (vec4u(0u, 1u, 2u, 3u) < vec4u(i)));
+  let is_before_b = (b > vec4u(own)) | ((b == vec4u(own)) & (vec4u(4u, 5u, 6u, 7u) < vec4u(i)));
+  let ones = select(vec4u(0u), vec4u(1u), is_before_a) + select(vec4u(0u), vec4u(1u), is_before_b);
+  return ones.x + ones.y + ones.z + ones.w;
+}
+
 fn make_node(task: Task, level: u32, end: u32) {
-  var children: array<u32, 8>;
-  var counts: array<u32, 8>;
-  // What the largest of is taken apart next.
-  var keys: array<f32, 8>;
-  children[0] = task.reference;
-  counts[0] = reference_count(task.reference);
-  keys[0] = 0.0;
+  let deep = level >= DEEP;
+  for (var i = 1u; i < WIDTH; i++) {
+    sizes[i] = 0u;
+    ranks[i] = 0u;
+  }
+  set_below(0u, task.reference, 0u, deep);
+  let own = Box(lows[0], highs[0]);
   var size = 1u;
   while size < WIDTH {
-    var which = WIDTH;
-    for (var i = 0u; i < size; i++) {
-      // Pairs of triangles come last: they are leaves as they are.
-      let larger = counts[i] > LEAF_SIZE;
-      if counts[i] > 1u {
-        if which == WIDTH {
-          which = i;
-        } else {
-          let best_larger = counts[which] > LEAF_SIZE;
-          if (larger && !best_larger) || (larger == best_larger && keys[i] > keys[which]) {
-            which = i;
-          }
-        }
-      }
+    var which = 0u;
+    var largest = sizes[0];
+    for (var i = 1u; i < size; i++) {
+      let is_larger = sizes[i] > largest;
+      which = select(which, i, is_larger);
+      largest = max(largest, sizes[i]);
     }
-    if which == WIDTH {
+    if largest == 0u {
       break;
     }
-    let node = binary[children[which]];
-    let below = keys[which] - 1.0;
-    let deep = level >= DEEP;
-    children[which] = node.left;
-    counts[which] = reference_count(node.left);
-    keys[which] = select(half_area(reference_box(node.left)), below, deep);
-    children[size] = node.right;
-    counts[size] = reference_count(node.right);
-    keys[size] = select(half_area(reference_box(node.right)), below, deep);
+    let source = references[which];
+    let left = binary[source].left;
+    let right = binary[source].right;
+    let depth = 65u - (largest & ~IS_NODE);
+    set_below(which, left, depth, deep);
+    set_below(size, right, depth, deep);
     size++;
   }
 
-  // Nodes before leaves, and of either kind first what is fuller of triangles: it is more likely to stop a ray.
-  for (var i = 0u; i < size; i++) {
-    let box_area = half_area(reference_box(children[i]));
-    keys[i] = select(0.0, reference_area(children[i]) / box_area, box_area > 0.0);
-  }
-  for (var i = 1u; i < size; i++) {
-    for (var j = i; j > 0u; j--) {
-      let larger = counts[j] > LEAF_SIZE;
-      let larger_before = counts[j - 1u] > LEAF_SIZE;
-      if (larger_before && !larger) || (larger_before == larger && !(keys[j] > keys[j - 1u])) {
-        break;
-      }
-      let key = keys[j];
-      keys[j] = keys[j - 1u];
-      keys[j - 1u] = key;
-      let child = children[j];
-      children[j] = children[j - 1u];
-      children[j - 1u] = child;
-      let count = counts[j];
-      counts[j] = counts[j - 1u];
-      counts[j - 1u] = count;
-    }
-  }
+  let keys_a = vec4u(ranks[0], ranks[1], ranks[2], ranks[3]);
+  let keys_b = vec4u(ranks[4], ranks[5], ranks[6], ranks[7]);
   var inner = 0u;
   for (var i = 0u; i < size; i++) {
     inner += select(0u, 1u, counts[i] > LEAF_SIZE);
+  }
+  for (var i = 0u; i < size; i++) {
+    var own_key = keys_a[i & 3u];
+    if i > 3u {
+      own_key = keys_b[i & 3u];
+    }
+    ranks[rank_of(keys_a, keys_b, own_key, i)] = i;
   }
 
   // Leaves' triangles first, then those of the nodes below.
   var triangle = task.triangle;
   var present = 0u;
-  for (var i = inner; i < size; i++) {
-    let child = children[i];
-    present |= ((1u << counts[i]) - 1u) << (2u * (i - inner));
-    if (child & LEAF) != 0u {
-      write_triangle(triangle, child & ~LEAF);
+  for (var rank = inner; rank < size; rank++) {
+    let i = ranks[rank];
+    let reference = references[i];
+    present |= ((1u << counts[i]) - 1u) << (2u * (rank - inner));
+    if (reference & LEAF) != 0u {
+      write_triangle(triangle, reference & ~LEAF);
     } else {
-      write_triangle(triangle, binary[child].left & ~LEAF);
-      write_triangle(triangle + 1u, binary[child].right & ~LEAF);
+      write_triangle(triangle, binary[reference].left & ~LEAF);
+      write_triangle(triangle + 1u, binary[reference].right & ~LEAF);
     }
     triangle += counts[i];
   }
-  var below = task.below + inner;
   if inner > 0u {
-    var at = end + atomicAdd(&state.levels[level + 1u], inner);
-    for (var i = 0u; i < inner; i++) {
-      tasks[at] = Task(children[i], task.below + i, triangle, below);
+    let at = end + atomicAdd(&state.levels[level + 1u], inner);
+    var below = task.below + inner;
+    for (var rank = 0u; rank < inner; rank++) {
+      let i = ranks[rank];
+      tasks[at + rank] = Task(references[i], task.below + rank, triangle, below);
       triangle += counts[i];
       below += nodes_below(counts[i]);
-      at++;
     }
   }
 
-  let own = reference_box(task.reference);
   let exponents = vec3u(
     exponent_above((own.high.x - own.low.x) / 254.0),
     exponent_above((own.high.y - own.low.y) / 254.0),
     exponent_above((own.high.z - own.low.z) / 254.0),
   );
   let step = bitcast<vec3f>(exponents << vec3u(23u));
-  // Two words of each of six planes; no ray meets a child that is missing.
-  var words = array<u32, 12>(
-    0xffffffffu, 0xffffffffu, 0xffffffffu, 0xffffffffu, 0xffffffffu, 0xffffffffu, 0u, 0u, 0u, 0u, 0u, 0u,
-  );
-  for (var i = 0u; i < size; i++) {
-    let box = reference_box(children[i]);
-    // Grown by more than what decoding rounds, but not below 0, which is exact.
-    let low = vec3u(clamp(floor((box.low - own.low) / step - 0.00390625), vec3f(0.0), vec3f(255.0)));
-    let high = vec3u(clamp(ceil((box.high - own.low) / step + 0.00390625), vec3f(0.0), vec3f(255.0)));
-    let shift = 8u * (i % 4u);
-    for (var axis = 0u; axis < 3u; axis++) {
-      let word = 2u * axis + i / 4u;
-      words[word] = (words[word] & ~(0xffu << shift)) | (low[axis] << shift);
-      words[word + 6u] |= high[axis] << shift;
+  // A word a plane of four children; no ray meets a child that is missing.
+  var low_words: array<vec3u, 2>;
+  var high_words: array<vec3u, 2>;
+  for (var half = 0u; half < 2u; half++) {
+    var low_word = vec3u(0u);
+    var high_word = vec3u(0u);
+    for (var k = 0u; k < 4u; k++) {
+      let rank = half * 4u + k;
+      var low = vec3u(255u);
+      var high = vec3u(0u);
+      if rank < size {
+        let i = ranks[rank];
+        // Grown by more than what decoding rounds, but not below 0, which is exact.
+        low = vec3u(clamp(floor((lows[i] - own.low) / step - 0.00390625), vec3f(0.0), vec3f(255.0)));
+        high = vec3u(clamp(ceil((highs[i] - own.low) / step + 0.00390625), vec3f(0.0), vec3f(255.0)));
+      }
+      low_word |= low << vec3u(8u * k);
+      high_word |= high << vec3u(8u * k);
     }
+    low_words[half] = low_word;
+    high_words[half] = high_word;
   }
   let at = node_texel_at(task.node);
   let kinds = (inner << 24u) | ((size - inner) << 28u);
   let packed = exponents.x | (exponents.y << 8u) | (exponents.z << 16u) | kinds;
   textureStore(nodes, at, vec4u(bitcast<vec3u>(own.low), packed));
   textureStore(nodes, at + vec2u(1u, 0u), vec4u(task.below, task.triangle, present, 0u));
-  for (var i = 0u; i < 3u; i++) {
-    let word = 4u * i;
-    textureStore(nodes, at + vec2u(2u + i, 0u), vec4u(words[word], words[word + 1u], words[word + 2u], words[word + 3u]));
-  }
+  let low0 = low_words[0];
+  let low1 = low_words[1];
+  let high0 = high_words[0];
+  let high1 = high_words[1];
+  textureStore(nodes, at + vec2u(2u, 0u), vec4u(low0.x, low1.x, low0.y, low1.y));
+  textureStore(nodes, at + vec2u(3u, 0u), vec4u(low0.z, low1.z, high0.x, high1.x));
+  textureStore(nodes, at + vec2u(4u, 0u), vec4u(high0.y, high1.y, high0.z, high1.z));
 }
 
-// Nodes of the levels before one.
-fn nodes_before(level: u32) -> u32 {
-  var sum = 0u;
-  for (var i = 0u; i < level; i++) {
-    sum += atomicLoad(&state.levels[i]);
+// Nodes before a level, and before the next one, for which it is noted.
+fn range_of(level: u32, is_first: bool) -> vec2u {
+  let first = state.before[level];
+  let end = first + atomicLoad(&state.levels[level]);
+  if is_first {
+    state.before[level + 1u] = end;
   }
-  return sum;
+  return vec2u(first, end);
 }
 
 @compute @workgroup_size(64)
 fn collapse(@builtin(global_invocation_id) id: vec3u) {
   let level = params.level;
-  let first = nodes_before(level);
-  let end = first + atomicLoad(&state.levels[level]);
+  let nodes_here = range_of(level, id.x == 0u);
+  let end = nodes_here.y;
   if level == 0u && id.x == 0u && end == 0u {
     // Without primitives the root has no children.
     textureStore(nodes, vec2u(0u), vec4u(0u));
   }
-  for (var i = first + id.x; i < end; i += params.threads) {
+  for (var i = nodes_here.x + id.x; i < end; i += params.threads) {
     var task = Task(state.root, 0u, 0u, 1u);
     if level > 0u {
       task = tasks[i];
@@ -258,8 +281,7 @@ var<workgroup> range: vec2u;
 fn collapse_rest(@builtin(local_invocation_index) thread: u32) {
   for (var level = params.level; level < MAX_DEPTH; level++) {
     if thread == 0u {
-      let first = nodes_before(level);
-      range = vec2u(first, first + atomicLoad(&state.levels[level]));
+      range = range_of(level, true);
     }
     let level_range = workgroupUniformLoad(&range);
     if level_range.x == level_range.y {

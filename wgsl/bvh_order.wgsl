@@ -51,6 +51,7 @@ fn plan(@builtin(local_invocation_index) thread: u32) {
   if thread == 0u {
     state.count = count;
     state.root = NO_NODE;
+    state.before[0] = 0u;
     plan_dispatch(0u, (count + 63u) / 64u);
     // Each level's workgroups take what four of the one below left, until one is left.
     var blocks = (count + BLOCK - 1u) / BLOCK;

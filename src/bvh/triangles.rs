@@ -35,7 +35,7 @@ const BLOCK_LEFT: u32 = 64;
 
 /// Bytes of the shaders' `BinaryNode`, `State` and `Task`.
 pub(crate) const BINARY_NODE_BYTES: u64 = 48;
-pub(crate) const STATE_BYTES: u64 = 304;
+pub(crate) const STATE_BYTES: u64 = 560;
 pub(crate) const TASK_BYTES: u64 = 16;
 
 /// Levels of nodes that have a dispatch of their own; the last dispatch makes all that are left.

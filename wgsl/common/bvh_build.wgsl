@@ -15,8 +15,9 @@ struct State {
   bounds: array<StateWord, 6>,
   padding2: u32,
   padding3: u32,
-  // Nodes of each level of the tree of wide nodes.
+  // Nodes of each level of the tree of wide nodes, and of those before it.
   levels: array<StateWord, 64>,
+  before: array<u32, 64>,
 }
 
 // An inner node of the binary tree. A reference to a node is its index, one to a primitive its index and LEAF.
@@ -63,24 +64,22 @@ fn center_of(piece: Piece) -> vec3f {
   return (piece.a + piece.b + piece.c) * (1.0 / 3.0);
 }
 
-// The lowest corner of what bounds the centres; 0 where there is none.
-fn lowest_of(words: vec3u) -> vec3f {
-  let corner = vec3f(from_ordered(words.x), from_ordered(words.y), from_ordered(words.z));
-  return select(vec3f(0.0), corner, vec3<bool>(is_finite3(corner)));
-}
-
-// The box around a primitive, grown by what rounding can move a hit. One that is out of range, which no ray meets, is a
-// point at `elsewhere`.
-fn box_of(piece: Piece, elsewhere: vec3f) -> Box {
-  if !is_sound(piece) {
-    return Box(elsewhere, elsewhere);
-  }
+// The box around a primitive, grown by what rounding can move a hit.
+fn box_of(piece: Piece) -> Box {
   let margin = POSITION_TOLERANCE * max(abs(piece.a), max(abs(piece.b), abs(piece.c)));
   return Box(min(piece.a, min(piece.b, piece.c)) - margin, max(piece.a, max(piece.b, piece.c)) + margin);
 }
 
+// The box of a primitive that is out of range, which no ray meets: the lowest corner of what bounds the others' centres, or 0
+// where there are none.
+fn point_of(words: vec3u) -> Box {
+  let corner = vec3f(from_ordered(words.x), from_ordered(words.y), from_ordered(words.z));
+  let point = select(vec3f(0.0), corner, vec3<bool>(is_finite3(corner)));
+  return Box(point, point);
+}
+
 fn area_of(piece: Piece) -> f32 {
-  return select(0.0, 0.5 * length(min(abs(cross(piece.b - piece.a, piece.c - piece.a)), vec3f(1e18))), is_sound(piece));
+  return 0.5 * length(min(abs(cross(piece.b - piece.a, piece.c - piece.a)), vec3f(FAR)));
 }
 
 // Bits of a float that are ordered as floats are.
