@@ -217,7 +217,7 @@ fn memory_stays() {
     let tracer = BouncedZBuffer::new(device, &bounced, None).expect("pipelines");
     let mut bounds = tracer.create_bounds(device, &cloud).expect("bounds");
     tracer
-        .record_bounds(device, &mut encoder, &cloud, &mut bounds, None)
+        .record_bounds(device, &mut encoder, &cloud, &bounds, None)
         .expect("bounds");
     let shader = SurfelShader::new(device, None).expect("pipelines");
     let lamp = Light::Point {
@@ -275,13 +275,13 @@ fn memory_stays() {
     };
     soak.pass("splats", |encoder| {
         let mut sums = splatter.create_view(device, SIDE, SIDE, levels)?;
-        splatter.record(device, encoder, &input, &splat, &mut sums)
+        splatter.record(device, encoder, &input, &splat, &sums)
     });
     let mut sums = splatter
         .create_view(device, SIDE, SIDE, levels)
         .expect("a view");
     splatter
-        .record(device, &mut encoder, &input, &splat, &mut sums)
+        .record(device, &mut encoder, &input, &splat, &sums)
         .expect("sums");
     let format = Format::R32Float;
     let reconstructor = Reconstructor::new(device, &effect, format, None).expect("pipelines");
@@ -305,7 +305,7 @@ fn memory_stays() {
 
     soak.pass("bounds", |encoder| {
         let mut bounds = tracer.create_bounds(device, &cloud)?;
-        tracer.record_bounds(device, encoder, &cloud, &mut bounds, None)
+        tracer.record_bounds(device, encoder, &cloud, &bounds, None)
     });
     let traced = BouncedSettings::default();
     let input = BouncedInput {
@@ -320,13 +320,13 @@ fn memory_stays() {
     };
     soak.pass("rays", |encoder| {
         let mut hits = tracer.create_view(device, SIDE, SIDE, traced.directions)?;
-        tracer.record(device, encoder, &input, &traced, &mut hits)
+        tracer.record(device, encoder, &input, &traced, &hits)
     });
     let mut hits = tracer
         .create_view(device, SIDE, SIDE, traced.directions)
         .expect("a view");
     tracer
-        .record(device, &mut encoder, &input, &traced, &mut hits)
+        .record(device, &mut encoder, &input, &traced, &hits)
         .expect("hits");
     let descriptor = HitReconstructorDescriptor {
         payload: Payload::Occlusion,
@@ -436,7 +436,7 @@ fn screen_passes(soak: &mut Soak<'_>, shot: &Shot) {
     let obscurance = VolumetricObscurance::new(device, &descriptor).expect("pipelines");
     soak.pass("obscurance", |encoder| {
         let mut moments = obscurance.create_moments(device, SIDE, SIDE)?;
-        obscurance.record_moments(device, encoder, gbuffer.depth, camera, &mut moments, None)?;
+        obscurance.record_moments(device, encoder, gbuffer.depth, camera, &moments, None)?;
         let input = ObscuranceInput {
             depth: gbuffer.depth,
             normals: None,
@@ -509,7 +509,7 @@ fn hulls(soak: &mut Soak<'_>, shot: &Shot, lamp: Light) {
             encoder,
             &input,
             &SgHullSettings::default(),
-            &mut view,
+            &view,
         )
     });
 }
