@@ -215,7 +215,7 @@ fn memory_stays() {
         ..BouncedDescriptor::default()
     };
     let tracer = BouncedZBuffer::new(device, &bounced, None).expect("pipelines");
-    let mut bounds = tracer.create_bounds(device, &cloud).expect("bounds");
+    let bounds = tracer.create_bounds(device, &cloud).expect("bounds");
     tracer
         .record_bounds(device, &mut encoder, &cloud, &bounds, None)
         .expect("bounds");
@@ -274,10 +274,10 @@ fn memory_stays() {
         timestamps: None,
     };
     soak.pass("splats", |encoder| {
-        let mut sums = splatter.create_view(device, SIDE, SIDE, levels)?;
+        let sums = splatter.create_view(device, SIDE, SIDE, levels)?;
         splatter.record(device, encoder, &input, &splat, &sums)
     });
-    let mut sums = splatter
+    let sums = splatter
         .create_view(device, SIDE, SIDE, levels)
         .expect("a view");
     splatter
@@ -304,7 +304,7 @@ fn memory_stays() {
     });
 
     soak.pass("bounds", |encoder| {
-        let mut bounds = tracer.create_bounds(device, &cloud)?;
+        let bounds = tracer.create_bounds(device, &cloud)?;
         tracer.record_bounds(device, encoder, &cloud, &bounds, None)
     });
     let traced = BouncedSettings::default();
@@ -319,10 +319,10 @@ fn memory_stays() {
         timestamps: None,
     };
     soak.pass("rays", |encoder| {
-        let mut hits = tracer.create_view(device, SIDE, SIDE, traced.directions)?;
+        let hits = tracer.create_view(device, SIDE, SIDE, traced.directions)?;
         tracer.record(device, encoder, &input, &traced, &hits)
     });
-    let mut hits = tracer
+    let hits = tracer
         .create_view(device, SIDE, SIDE, traced.directions)
         .expect("a view");
     tracer
@@ -435,7 +435,7 @@ fn screen_passes(soak: &mut Soak<'_>, shot: &Shot) {
     };
     let obscurance = VolumetricObscurance::new(device, &descriptor).expect("pipelines");
     soak.pass("obscurance", |encoder| {
-        let mut moments = obscurance.create_moments(device, SIDE, SIDE)?;
+        let moments = obscurance.create_moments(device, SIDE, SIDE)?;
         obscurance.record_moments(device, encoder, gbuffer.depth, camera, &moments, None)?;
         let input = ObscuranceInput {
             depth: gbuffer.depth,
@@ -493,7 +493,7 @@ fn hulls(soak: &mut Soak<'_>, shot: &Shot, lamp: Light) {
         ..SgHullSize::new(SIDE, SIDE)
     };
     soak.pass("hull", |encoder| {
-        let mut view = hull.create_view(device, size)?;
+        let view = hull.create_view(device, size)?;
         let lights = gatherer.bind_lights(device, &[lamp], camera.eye())?;
         let input = SgHullInput {
             gbuffer: shot.lit_gbuffer(),
@@ -504,12 +504,6 @@ fn hulls(soak: &mut Soak<'_>, shot: &Shot, lamp: Light) {
             target: target.texture().into(),
             timestamps: None,
         };
-        hull.record(
-            device,
-            encoder,
-            &input,
-            &SgHullSettings::default(),
-            &view,
-        )
+        hull.record(device, encoder, &input, &SgHullSettings::default(), &view)
     });
 }
