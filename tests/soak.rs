@@ -215,9 +215,9 @@ fn memory_stays() {
         ..BouncedDescriptor::default()
     };
     let tracer = BouncedZBuffer::new(device, &bounced, None).expect("pipelines");
-    let mut bounds = tracer.create_bounds(device, &cloud).expect("bounds");
+    let bounds = tracer.create_bounds(device, &cloud).expect("bounds");
     tracer
-        .record_bounds(device, &mut encoder, &cloud, &mut bounds, None)
+        .record_bounds(device, &mut encoder, &cloud, &bounds, None)
         .expect("bounds");
     let shader = SurfelShader::new(device, None).expect("pipelines");
     let lamp = Light::Point {
@@ -274,14 +274,14 @@ fn memory_stays() {
         timestamps: None,
     };
     soak.pass("splats", |encoder| {
-        let mut sums = splatter.create_view(device, SIDE, SIDE, levels)?;
-        splatter.record(device, encoder, &input, &splat, &mut sums)
+        let sums = splatter.create_view(device, SIDE, SIDE, levels)?;
+        splatter.record(device, encoder, &input, &splat, &sums)
     });
-    let mut sums = splatter
+    let sums = splatter
         .create_view(device, SIDE, SIDE, levels)
         .expect("a view");
     splatter
-        .record(device, &mut encoder, &input, &splat, &mut sums)
+        .record(device, &mut encoder, &input, &splat, &sums)
         .expect("sums");
     let format = Format::R32Float;
     let reconstructor = Reconstructor::new(device, &effect, format, None).expect("pipelines");
@@ -304,8 +304,8 @@ fn memory_stays() {
     });
 
     soak.pass("bounds", |encoder| {
-        let mut bounds = tracer.create_bounds(device, &cloud)?;
-        tracer.record_bounds(device, encoder, &cloud, &mut bounds, None)
+        let bounds = tracer.create_bounds(device, &cloud)?;
+        tracer.record_bounds(device, encoder, &cloud, &bounds, None)
     });
     let traced = BouncedSettings::default();
     let input = BouncedInput {
@@ -319,14 +319,14 @@ fn memory_stays() {
         timestamps: None,
     };
     soak.pass("rays", |encoder| {
-        let mut hits = tracer.create_view(device, SIDE, SIDE, traced.directions)?;
-        tracer.record(device, encoder, &input, &traced, &mut hits)
+        let hits = tracer.create_view(device, SIDE, SIDE, traced.directions)?;
+        tracer.record(device, encoder, &input, &traced, &hits)
     });
-    let mut hits = tracer
+    let hits = tracer
         .create_view(device, SIDE, SIDE, traced.directions)
         .expect("a view");
     tracer
-        .record(device, &mut encoder, &input, &traced, &mut hits)
+        .record(device, &mut encoder, &input, &traced, &hits)
         .expect("hits");
     let descriptor = HitReconstructorDescriptor {
         payload: Payload::Occlusion,
@@ -435,8 +435,8 @@ fn screen_passes(soak: &mut Soak<'_>, shot: &Shot) {
     };
     let obscurance = VolumetricObscurance::new(device, &descriptor).expect("pipelines");
     soak.pass("obscurance", |encoder| {
-        let mut moments = obscurance.create_moments(device, SIDE, SIDE)?;
-        obscurance.record_moments(device, encoder, gbuffer.depth, camera, &mut moments, None)?;
+        let moments = obscurance.create_moments(device, SIDE, SIDE)?;
+        obscurance.record_moments(device, encoder, gbuffer.depth, camera, &moments, None)?;
         let input = ObscuranceInput {
             depth: gbuffer.depth,
             normals: None,
@@ -493,7 +493,7 @@ fn hulls(soak: &mut Soak<'_>, shot: &Shot, lamp: Light) {
         ..SgHullSize::new(SIDE, SIDE)
     };
     soak.pass("hull", |encoder| {
-        let mut view = hull.create_view(device, size)?;
+        let view = hull.create_view(device, size)?;
         let lights = gatherer.bind_lights(device, &[lamp], camera.eye())?;
         let input = SgHullInput {
             gbuffer: shot.lit_gbuffer(),
@@ -504,12 +504,6 @@ fn hulls(soak: &mut Soak<'_>, shot: &Shot, lamp: Light) {
             target: target.texture().into(),
             timestamps: None,
         };
-        hull.record(
-            device,
-            encoder,
-            &input,
-            &SgHullSettings::default(),
-            &mut view,
-        )
+        hull.record(device, encoder, &input, &SgHullSettings::default(), &view)
     });
 }

@@ -65,7 +65,9 @@ impl Lab {
         let mut room = pieces.to_vec();
         room.resize(bvh.capacity() as usize, Piece::default());
         let buffer = storage(bytemuck::cast_slice(&room));
-        let mut encoder = self.device.create_command_encoder(&Default::default());
+        let mut encoder = self
+            .device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.pass
             .record(&self.device, &mut encoder, (&buffer, &counters), bvh, None);
         self.queue.submit([encoder.finish()]);
@@ -87,7 +89,9 @@ impl Lab {
             usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        let mut encoder = self.device.create_command_encoder(&Default::default());
+        let mut encoder = self
+            .device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.copy_texture_to_buffer(
             texture.as_image_copy(),
             wgpu::TexelCopyBufferInfo {
@@ -172,7 +176,11 @@ impl Walk<'_> {
         let piece = &self.pieces[primitive];
         assert_eq!(words[..3], piece.a.map(f32::to_bits));
         let corners = [piece.a, piece.b, piece.c];
-        if corners.iter().flatten().any(|x| !(x.abs() <= 1e18)) {
+        if corners
+            .iter()
+            .flatten()
+            .any(|x| !x.is_finite() || x.abs() > 1e18)
+        {
             return;
         }
         for axis in 0..3 {

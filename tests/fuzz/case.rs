@@ -137,7 +137,7 @@ impl<'w> Case<'w> {
     }
 
     /// A choice that is the same in some successive cases, of what drivers compile pipelines anew for: formats above all, which
-    /// lavapipe and SwiftShader compile into the code that reads them. Otherwise that would take most of the time.
+    /// lavapipe and `SwiftShader` compile into the code that reads them. Otherwise that would take most of the time.
     pub fn usual<T: Clone>(&self, name: &str, choices: &[T]) -> T {
         let name = name.bytes().fold(self.family, |hash, byte| {
             (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)

@@ -35,7 +35,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     case.note("temporal", settings);
     let mut camera = inputs::camera_of(case, viewport);
     let mut previous = camera;
-    for _ in 0..1 + case.random.below(3) {
+    for _ in 0..=case.random.below(3) {
         frame(
             case,
             &pass,
