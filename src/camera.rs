@@ -361,6 +361,7 @@ impl Camera {
     }
 
     /// How far the focus is from the eye along the axis.
+    #[cfg(feature = "reference")]
     pub(crate) fn focus_depth(&self) -> f64 {
         self.axis().dot(self.focus - self.eye)
     }

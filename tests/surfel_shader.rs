@@ -1202,7 +1202,7 @@ fn place_and_scale_do_not_matter() {
         )
         .expect("a camera");
         let lit = lab.cloud(&scene, &camera, &SurfelizerSettings::default());
-        assert_eq!(lit.origin, camera.eye());
+        assert_eq!(lit.origin, camera.focus());
         let eye = place + DVec3::new(0.25, 2.0, 0.5) * scale;
         let cameras = [Camera::look_at(
             eye,

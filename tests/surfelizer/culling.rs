@@ -87,7 +87,7 @@ fn visible_points(scene: &Scene, camera: &Camera) -> Vec<DVec3> {
     )
     .into_iter()
     .flatten()
-    .map(|r| r.position - camera.eye())
+    .map(|r| r.position - camera.focus())
     .collect();
     assert!(points.len() > 100, "{}", scene.name);
     points

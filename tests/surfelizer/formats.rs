@@ -347,7 +347,7 @@ fn instances() {
         for surfel in &cloud.surfels {
             let instance = cloud.pieces[surfel.piece as usize].triangle / each;
             let centre = transforms[instance as usize].transform_point3(DVec3::new(0.5, 0.25, 0.0));
-            let outward = surfel.position + camera.eye() - centre;
+            let outward = surfel.position + camera.focus() - centre;
             assert!(
                 unpack_normal(surfel.normal).dot(outward) > 0.0,
                 "{inputs}, instance {instance}: {surfel:?} faces inward"

@@ -83,7 +83,7 @@ impl Fixture {
         let cloud = self
             .try_record(meshes, task)
             .unwrap_or_else(|e| panic!("{e}; {task:?}"));
-        assert_eq!(cloud.origin(), task.camera.eye());
+        assert_eq!(cloud.origin(), task.camera.focus());
         self.read(&cloud)
     }
 
