@@ -56,7 +56,8 @@ var<workgroup> partners: array<u32, 256>;
 var<workgroup> heights: array<u32, 256>;
 // A bit a cluster that stays.
 var<workgroup> stays: array<atomic<u32>, 8>;
-var<workgroup> active_clusters: u32;
+// How many clusters there are, and 1 where there are to be no fewer.
+var<workgroup> progress: vec2u;
 
 // Of each of four successive clusters the one that makes the smallest box with it, or itself where none may. Of equally small
 // boxes that whose index differs in the lowest bits counts: it would choose the same.
@@ -189,15 +190,17 @@ fn cluster(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_in
     }
   }
   if thread == 0u {
-    active_clusters = number_that_stay();
+    let count = number_that_stay();
+    progress = vec2u(count, select(0u, 1u, count <= goal));
   }
   let limit = height_limit(params.level);
   var in_pairs = false;
   var left = 0u;
   loop {
-    let count = workgroupUniformLoad(&active_clusters);
+    let now = workgroupUniformLoad(&progress);
+    let count = now.x;
     left = count;
-    if count <= goal {
+    if now.y != 0u {
       break;
     }
     if first < count {
@@ -243,7 +246,7 @@ fn cluster(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_in
     let remaining = number_that_stay();
     in_pairs = remaining == count;
     if thread == 0u {
-      active_clusters = remaining;
+      progress = vec2u(remaining, select(0u, 1u, remaining <= goal));
     }
   }
   if goal == 1u {

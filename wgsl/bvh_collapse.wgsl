@@ -96,25 +96,27 @@ fn exponent_above(x: f32) -> u32 {
 }
 
 // What is below a node, up to eight.
-var<private> references: array<u32, 8>;
-var<private> lows: array<vec3f, 8>;
-var<private> highs: array<vec3f, 8>;
-var<private> counts: array<u32, 8>;
-// What has the largest is taken apart next, what has 0 never.
-var<private> sizes: array<u32, 8>;
-// In the order of children.
-var<private> ranks: array<u32, 8>;
+struct Children {
+  references: array<u32, 8>,
+  lows: array<vec3f, 8>,
+  highs: array<vec3f, 8>,
+  counts: array<u32, 8>,
+  // What has the largest is taken apart next, what has 0 never.
+  sizes: array<u32, 8>,
+  // What has the largest comes first; then which is where.
+  ranks: array<u32, 8>,
+}
 
 const IS_NODE: u32 = 0x80000000u;
 
 // `depth` counts from the node that is made.
-fn set_below(i: u32, reference: u32, depth: u32, deep: bool) {
+fn set_below(children: ptr<function, Children>, i: u32, reference: u32, depth: u32, deep: bool) {
   let below = load_below(reference);
   let area = half_area(below.box);
-  references[i] = reference;
-  lows[i] = below.box.low;
-  highs[i] = below.box.high;
-  counts[i] = below.count;
+  (*children).references[i] = reference;
+  (*children).lows[i] = below.box.low;
+  (*children).highs[i] = below.box.high;
+  (*children).counts[i] = below.count;
   // Bits of floats that are not negative have the floats' order. Pairs of triangles come last: they are leaves as they are.
   var size = 0u;
   if below.count > LEAF_SIZE {
@@ -122,10 +124,10 @@ fn set_below(i: u32, reference: u32, depth: u32, deep: bool) {
   } else if below.count > 1u {
     size = 1u + (bitcast<u32>(area) >> 1u);
   }
-  sizes[i] = size;
+  (*children).sizes[i] = size;
   // Nodes come before leaves, and of either kind first what is fuller of triangles: it is more likely to stop a ray.
   let full = select(0.0, min(below.area / area, FAR), area > 0.0);
-  ranks[i] = bitcast<u32>(full) | select(0u, IS_NODE, below.count > LEAF_SIZE);
+  (*children).ranks[i] = bitcast<u32>(full) | select(0u, IS_NODE, below.count > LEAF_SIZE);
 }
 
 // How many of eight are larger than the i-th, or as large and before it.
@@ -138,70 +140,67 @@ fn rank_of(a: vec4u, b: vec4u, own: u32, i: u32) -> u32 {
 
 fn make_node(task: Task, level: u32, end: u32) {
   let deep = level >= DEEP;
-  for (var i = 1u; i < WIDTH; i++) {
-    sizes[i] = 0u;
-    ranks[i] = 0u;
-  }
-  set_below(0u, task.reference, 0u, deep);
-  let own = Box(lows[0], highs[0]);
+  var children = Children();
+  set_below(&children, 0u, task.reference, 0u, deep);
+  let own = Box(children.lows[0], children.highs[0]);
   var size = 1u;
   while size < WIDTH {
     var which = 0u;
-    var largest = sizes[0];
+    var largest = children.sizes[0];
     for (var i = 1u; i < size; i++) {
-      let is_larger = sizes[i] > largest;
+      let is_larger = children.sizes[i] > largest;
       which = select(which, i, is_larger);
-      largest = max(largest, sizes[i]);
+      largest = max(largest, children.sizes[i]);
     }
     if largest == 0u {
       break;
     }
-    let source = references[which];
+    let source = children.references[which];
     let left = binary[source].left;
     let right = binary[source].right;
     let depth = 65u - (largest & ~IS_NODE);
-    set_below(which, left, depth, deep);
-    set_below(size, right, depth, deep);
+    set_below(&children, which, left, depth, deep);
+    set_below(&children, size, right, depth, deep);
     size++;
   }
 
-  let keys_a = vec4u(ranks[0], ranks[1], ranks[2], ranks[3]);
-  let keys_b = vec4u(ranks[4], ranks[5], ranks[6], ranks[7]);
+  let keys_a = vec4u(children.ranks[0], children.ranks[1], children.ranks[2], children.ranks[3]);
+  let keys_b = vec4u(children.ranks[4], children.ranks[5], children.ranks[6], children.ranks[7]);
   var inner = 0u;
   for (var i = 0u; i < size; i++) {
-    inner += select(0u, 1u, counts[i] > LEAF_SIZE);
+    inner += select(0u, 1u, children.counts[i] > LEAF_SIZE);
   }
   for (var i = 0u; i < size; i++) {
     var own_key = keys_a[i & 3u];
     if i > 3u {
       own_key = keys_b[i & 3u];
     }
-    ranks[rank_of(keys_a, keys_b, own_key, i)] = i;
+    children.ranks[rank_of(keys_a, keys_b, own_key, i)] = i;
   }
 
   // Leaves' triangles first, then those of the nodes below.
   var triangle = task.triangle;
   var present = 0u;
   for (var rank = inner; rank < size; rank++) {
-    let i = ranks[rank];
-    let reference = references[i];
-    present |= ((1u << counts[i]) - 1u) << (2u * (rank - inner));
+    let i = children.ranks[rank];
+    let reference = children.references[i];
+    present |= ((1u << children.counts[i]) - 1u) << (2u * (rank - inner));
     if (reference & LEAF) != 0u {
       write_triangle(triangle, reference & ~LEAF);
     } else {
       write_triangle(triangle, binary[reference].left & ~LEAF);
       write_triangle(triangle + 1u, binary[reference].right & ~LEAF);
     }
-    triangle += counts[i];
+    triangle += children.counts[i];
   }
   if inner > 0u {
     let at = end + atomicAdd(&state.levels[level + 1u], inner);
     var below = task.below + inner;
     for (var rank = 0u; rank < inner; rank++) {
-      let i = ranks[rank];
-      tasks[at + rank] = Task(references[i], task.below + rank, triangle, below);
-      triangle += counts[i];
-      below += nodes_below(counts[i]);
+      let i = children.ranks[rank];
+      tasks[at + rank] = Task(children.references[i], task.below + rank, triangle, below);
+      triangle += children.counts[i];
+      below += nodes_below(children.counts[i]);
     }
   }
 
@@ -222,10 +221,10 @@ fn make_node(task: Task, level: u32, end: u32) {
       var low = vec3u(255u);
       var high = vec3u(0u);
       if rank < size {
-        let i = ranks[rank];
+        let i = children.ranks[rank];
         // Grown by more than what decoding rounds, but not below 0, which is exact.
-        low = vec3u(clamp(floor((lows[i] - own.low) / step - 0.00390625), vec3f(0.0), vec3f(255.0)));
-        high = vec3u(clamp(ceil((highs[i] - own.low) / step + 0.00390625), vec3f(0.0), vec3f(255.0)));
+        low = vec3u(clamp(floor((children.lows[i] - own.low) / step - 0.00390625), vec3f(0.0), vec3f(255.0)));
+        high = vec3u(clamp(ceil((children.highs[i] - own.low) / step + 0.00390625), vec3f(0.0), vec3f(255.0)));
       }
       low_word |= low << vec3u(8u * k);
       high_word |= high << vec3u(8u * k);

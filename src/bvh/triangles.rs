@@ -84,6 +84,17 @@ pub(super) fn cluster_levels(capacity: u32) -> u32 {
     levels
 }
 
+/// Workgroups that make a level of nodes. They take them in turn, of which only the GPU knows the number: few where there are
+/// few nodes at most, or as good as always.
+fn collapse_groups(capacity: u32, level: u32) -> u32 {
+    let most = capacity.div_ceil(1024).clamp(1, 256);
+    let nodes = 1_u32 << (3 * level).min(30);
+    match level {
+        0..10 => most.min(nodes.div_ceil(WORKGROUP)),
+        _ => most.div_ceil(8),
+    }
+}
+
 impl TriangleBvh {
     pub fn capacity(&self) -> u32 {
         self.capacity
@@ -298,13 +309,11 @@ impl TriangleBvhPass {
         bvh: &TriangleBvh,
         timestamps: Option<Timestamps<'_>>,
     ) {
-        // As many threads as pay off: they take nodes in turn, of which only the GPU knows the number.
-        let groups = bvh.capacity.div_ceil(512).clamp(1, 256);
         let params = |level| {
             let params = BvhParams {
                 capacity: bvh.capacity,
                 level,
-                threads: groups * WORKGROUP,
+                threads: collapse_groups(bvh.capacity, level) * WORKGROUP,
                 padding: 0,
             };
             uniform(device, LABEL, &params)
@@ -368,6 +377,7 @@ impl TriangleBvhPass {
             ];
             let group = binding::group(device, LABEL, &self.collapse_layout, &resources);
             if level < LEVELS {
+                let groups = collapse_groups(bvh.capacity, level);
                 dispatch(&mut pass, &self.collapse, &group, groups);
             } else {
                 dispatch(&mut pass, &self.collapse_rest, &group, 1);
