@@ -376,6 +376,21 @@ impl Camera {
         }
     }
 
+    /// How depth at one distance along the axis changes with x and y of NDC: not at all unless the near plane is oblique.
+    pub(crate) fn tilt(&self) -> DVec2 {
+        let [x, y, depth] = [0, 1, 2].map(|i| {
+            let column = self.unproject.col(i);
+            if self.perspective {
+                column.w
+            } else {
+                self.axis().dot(column.truncate())
+            }
+        });
+        let tilt = -DVec2::new(x, y) / depth;
+        // In an ordinary matrix that is the rounding of its inverse.
+        DVec2::select(tilt.abs().cmpgt(DVec2::splat(1e-12)), tilt, DVec2::ZERO)
+    }
+
     /// Whether a depth value is nearer than the background.
     fn is_foreground(&self, depth: f64) -> bool {
         if self.far_depth == 0.0 {

@@ -199,7 +199,7 @@ fn structs_match_the_shaders() {
     shaded("Params", &params, size_of::<SurfelShaderParams>());
     let light = fields!(LightParams: position, kind, direction, outer, color, sharpness);
     shaded("Light", &light, size_of::<LightParams>());
-    let camera = fields!(ShadowCameraParams: clip, viewport, texel, depth_scale, per_w, perspective, far_depth);
+    let camera = fields!(ShadowCameraParams: clip, viewport, texel, depth_scale, per_w, perspective, far_depth, tilt);
     shaded("ShadowCamera", &camera, size_of::<ShadowCameraParams>());
     let shadow = fields!(ShadowParams: cameras, count, bias, depth_step);
     shaded("Shadow", &shadow, size_of::<ShadowParams>());

@@ -11,11 +11,13 @@ mod shot;
 use std::sync::LazyLock;
 
 use deep_screen_space::{
-    AmbientOcclusion, BouncedSettings, Camera, Channels, DiskSamples, Error, MultiResMask,
-    MultiResMaskSettings, ObscuranceInput, ObscuranceSampling, ObscuranceSettings,
-    ObscuranceVolume, Payload, Sampling, ScreenSpaceGi, ScreenSpaceGiInput, ScreenSpaceGiSettings,
-    SplatSettings, TemporalAccumulator, TemporalInput, TemporalSettings, Viewport,
-    VolumetricObscurance, VolumetricObscuranceDescriptor,
+    AmbientOcclusion, BouncedSettings, Camera, Channels, Components, DiskSamples, Error, Gatherer,
+    Light, MultiResMask, MultiResMaskSettings, ObscuranceInput, ObscuranceSampling,
+    ObscuranceSettings, ObscuranceVolume, Payload, Sampling, ScreenSpaceGi, ScreenSpaceGiInput,
+    ScreenSpaceGiSettings, SgHull, SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize,
+    ShadowMap, SoftShadows, SoftShadowsInput, SoftShadowsSettings, SplatSettings,
+    TemporalAccumulator, TemporalInput, TemporalSettings, Viewport, VolumetricObscurance,
+    VolumetricObscuranceDescriptor,
     glam::{DMat4, DVec3, DVec4, dcamera::rh::proj::directx as right},
     reference::trace::Receiver,
     scenes,
@@ -27,8 +29,10 @@ use shot::{Passes, Settings, Shot};
 
 const SIZE: [u32; 2] = [44, 36];
 const DIRECTIONS: u32 = 32;
-/// Where the eye is beside the room's middle, before and now: there, pixels would be on its very edges.
-const ASIDE: [f64; 2] = [0.0437, 0.0137];
+/// How far the eye is beside the room's middle: there, pixels would be on its very edges.
+const ASIDE: f64 = 0.0137;
+/// Now, before, and from the light.
+const PLACES: [f64; 3] = [ASIDE, ASIDE + 0.03, ASIDE + 0.9];
 
 struct All {
     splat: Passes,
@@ -37,6 +41,9 @@ struct All {
     mask: MultiResMask,
     gi: ScreenSpaceGi,
     history: TemporalAccumulator,
+    shadows: SoftShadows,
+    gatherer: Gatherer,
+    hull: SgHull,
 }
 
 static ALL: LazyLock<All> = LazyLock::new(|| {
@@ -49,7 +56,19 @@ static ALL: LazyLock<All> = LazyLock::new(|| {
         };
         VolumetricObscurance::new(device, &descriptor).expect("pipelines")
     };
+    let gatherer = Gatherer::lights(device);
+    let hull = SgHullDescriptor {
+        gatherer: &gatherer,
+        target: Format::Rgba32Float,
+        albedo: false,
+        glossy: false,
+        components: Components::default(),
+        cache: None,
+    };
     All {
+        shadows: SoftShadows::new(device, None).expect("pipelines"),
+        hull: SgHull::new(device, &hull).expect("pipelines"),
+        gatherer,
         splat: Passes::new(&lab().gpu, AmbientOcclusion::default()),
         lines: obscurance(ObscuranceSampling::Lines(DiskSamples::Six)),
         areas: obscurance(ObscuranceSampling::OneArea),
@@ -61,7 +80,9 @@ static ALL: LazyLock<All> = LazyLock::new(|| {
 });
 
 /// A picture a pass, rows from the top.
-fn pictures(shot: &Shot, before: &Shot) -> Vec<(&'static str, Vec<f32>)> {
+///
+/// `before` is seen from a little beside, and `lamp` from the light of the soft shadows.
+fn pictures([shot, before, lamp]: &[Shot; 3]) -> Vec<(&'static str, Vec<f32>)> {
     let gpu = &lab().gpu;
     let device = &gpu.device;
     let all = &*ALL;
@@ -158,6 +179,71 @@ fn pictures(shot: &Shot, before: &Shot) -> Vec<(&'static str, Vec<f32>)> {
         .map(|c| c.x as f32)
         .collect();
 
+    let (back, middle) = sight();
+    let light = if lamp.camera.is_perspective() {
+        Light::Point {
+            position: lamp.camera.eye(),
+            intensity: [1.0; 3],
+        }
+    } else {
+        Light::Directional {
+            direction: -back,
+            irradiance: [1.0; 3],
+        }
+    };
+    let visible = gpu.storage(Format::R32Float, width, height);
+    let input = SoftShadowsInput {
+        gbuffer: shot.gbuffer(),
+        camera,
+        light: &light,
+        map: ShadowMap::new(lamp.gbuffer().depth, std::slice::from_ref(&lamp.camera)),
+        work: None,
+        target: visible.texture().into(),
+        timestamps: None,
+    };
+    let settings = SoftShadowsSettings {
+        extent: 0.3,
+        max_penumbra: 0.4,
+        ..SoftShadowsSettings::default()
+    };
+    let mut encoder = gpu.encoder();
+    all.shadows
+        .record(device, &mut encoder, &input, &settings)
+        .expect("shadows");
+    let gathered = gpu.target(Format::Rgba32Float, width, height);
+    let lights = [Light::Point {
+        position: middle + DVec3::Y,
+        intensity: [3.0; 3],
+    }];
+    let lights = all
+        .gatherer
+        .bind_lights(device, &lights, camera.focus())
+        .expect("lights");
+    let view = all
+        .hull
+        .create_view(device, SgHullSize::new(width, height))
+        .expect("a view");
+    let input = SgHullInput {
+        gbuffer: shot.gbuffer(),
+        camera,
+        origin: camera.focus(),
+        gather: Some(&lights),
+        roughness: None,
+        target: gathered.texture().into(),
+        timestamps: None,
+    };
+    let settings = SgHullSettings::default();
+    all.hull
+        .record(device, &mut encoder, &input, &settings, &view)
+        .expect("light");
+    gpu.finish(encoder);
+    let shadows = gpu.read_texture(visible.texture(), 0);
+    let hull = gpu
+        .read_texture::<[f32; 4]>(gathered.texture(), 0)
+        .iter()
+        .map(|texel| texel[0])
+        .collect();
+
     // A black frame, then a white one from elsewhere: a half where the history stays, and 1 where it does not.
     let black = gpu.texture(
         Format::R32Float,
@@ -198,6 +284,8 @@ fn pictures(shot: &Shot, before: &Shot) -> Vec<(&'static str, Vec<f32>)> {
         ("areas", obscurance(&all.areas, true)),
         ("mask", mask),
         ("light", gi),
+        ("shadows", shadows),
+        ("hull", hull),
         ("history", gpu.read_texture(target.texture(), 0)),
     ]
 }
@@ -209,9 +297,12 @@ fn accepted(pass: &str) -> (f32, f64, f64) {
     match pass {
         "rays" => (1.5 / DIRECTIONS as f32, 0.005, 0.001),
         "splat" => (0.03, 0.02, 0.003),
-        "lines" | "areas" => (0.01, 0.02, 0.002),
+        // The hull's irradiances are about 1.
+        "lines" | "areas" | "hull" => (0.01, 0.02, 0.002),
         "mask" => (0.01, 0.03, 0.01),
         "light" => (0.01, 0.03, 0.002),
+        // One look-up of a penumbra may pass the map's edges by a rounding.
+        "shadows" => (0.09, 0.01, 0.003),
         _ => (0.01, 0.01, 0.005),
     }
 }
@@ -279,6 +370,16 @@ fn seen(shot: &Shot) -> Vec<bool> {
     shot.pixels.iter().map(Option::is_some).collect()
 }
 
+/// Where two cameras see the same. A plane may show what it cuts open.
+fn seen_alike(a: &Shot, b: &Shot) -> Vec<bool> {
+    (a.pixels.iter().zip(&b.pixels))
+        .map(|pair| match pair {
+            (Some(a), Some(b)) => a.receiver.position.distance(b.receiver.position) < 1e-6,
+            _ => false,
+        })
+        .collect()
+}
+
 /// Planes that leave all of the room, but are tilted to all sides; so far that some lines of sight never meet them.
 #[test]
 fn oblique_near_planes_change_nothing() {
@@ -304,10 +405,11 @@ fn oblique_near_planes_change_nothing() {
         ("reversed orthographic", ortho(far, near), true),
     ] {
         let shots = |projection| {
-            ASIDE.map(|aside| Shot::new(gpu, &scene, &look(eye, aside, projection).expect(name)))
+            PLACES.map(|aside| Shot::new(gpu, &scene, &look(eye, aside, projection).expect(name)))
         };
-        let [before, plain] = shots(projection);
-        let expected = pictures(&plain, &before);
+        let ordinary = shots(projection);
+        let expected = pictures(&ordinary);
+        let plain = &ordinary[0];
         for (tilt, steps) in [(0.6, 6), (1.3, 4)] {
             for step in 0..steps {
                 let angle = std::f64::consts::TAU * (f64::from(step) + 0.3) / f64::from(steps);
@@ -320,25 +422,22 @@ fn oblique_near_planes_change_nothing() {
                 let corner = DVec3::new(normal.x.signum() * 2.0, normal.y.signum() * 2.0, -1.0);
                 let farthest = (corner * far).extend(1.0);
                 let tilted = oblique(projection, plane, reversed, farthest);
-                let [before, shot] = shots(tilted);
+                let oblique = shots(tilted);
+                let shot = &oblique[0];
                 let name = format!("{name}, tilted by {tilt} to {angle:.1}");
                 assert!(shot.camera.footprint().near.is_finite(), "{name}");
-                // A plane may show what it cuts open.
-                let both: Vec<bool> = (shot.pixels.iter().zip(&plain.pixels))
-                    .map(|pair| match pair {
-                        (Some(a), Some(b)) => {
-                            a.receiver.position.distance(b.receiver.position) < 1e-6
-                        }
-                        _ => false,
-                    })
-                    .collect();
+                let both = seen_alike(shot, plain);
                 let left = both.iter().filter(|b| **b).count();
-                let all = seen(&plain).iter().filter(|b| **b).count();
+                let all = seen(plain).iter().filter(|b| **b).count();
                 println!("{name}: {left} of {all} pixels are left");
                 assert!(left > all / 5, "{name}: {left} of {all}");
-                let found = pictures(&shot, &before);
-                // Where the plane takes part of the picture, what reads neighbours reads less.
-                let few = if left < all { 1 } else { found.len() };
+                let found = pictures(&oblique);
+                let lamps = [&oblique[2], &ordinary[2]];
+                let count = |list: Vec<bool>| list.iter().filter(|b| **b).count();
+                let alike = count(seen_alike(lamps[0], lamps[1]));
+                let whole = left == all && lamps.map(|lamp| count(seen(lamp))) == [alike; 2];
+                // Where the plane takes part of a picture, what reads neighbours, or the light's, reads less.
+                let few = if whole { found.len() } else { 1 };
                 compare(&name, &found[..few], &expected[..few], &both, &mut failures);
             }
         }
@@ -370,7 +469,7 @@ fn orthographic_eyes_may_be_anywhere() {
     let (back, target) = sight();
     let mut failures = Vec::new();
     let shots = |distance: f64, reversed: bool| {
-        ASIDE.map(|aside| {
+        PLACES.map(|aside| {
             let [near, far] = [distance - 8.0, distance + 8.0];
             let projection = if reversed {
                 right::orthographic(-3.0, 3.0, -2.5, 2.5, far, near)
@@ -382,13 +481,12 @@ fn orthographic_eyes_may_be_anywhere() {
         })
     };
     for reversed in [false, true] {
-        let [before, near] = shots(10.0, reversed);
-        let expected = pictures(&near, &before);
+        let expected = pictures(&shots(10.0, reversed));
         for distance in [-10.0, 1e4, 1e5, 1e6] {
-            let [before, shot] = shots(distance, reversed);
+            let shots = shots(distance, reversed);
             let name = format!("{distance} away, reversed {reversed}");
-            let found = pictures(&shot, &before);
-            compare(&name, &found, &expected, &seen(&shot), &mut failures);
+            let found = pictures(&shots);
+            compare(&name, &found, &expected, &seen(&shots[0]), &mut failures);
         }
     }
     assert!(failures.is_empty(), "{failures:#?}");
@@ -451,8 +549,7 @@ fn narrow_views_from_afar_are_right() {
                 true,
             ),
         ] {
-            let mut camera =
-                look(target + back * distance, ASIDE[1], projection).expect("a camera");
+            let mut camera = look(target + back * distance, ASIDE, projection).expect("a camera");
             if focus {
                 camera = camera.with_focus(target).expect("a finite focus");
             }

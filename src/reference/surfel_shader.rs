@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use glam::{DVec3, DVec4};
+use glam::{DVec2, DVec3, DVec4};
 
 use super::{
     light::{Arrival, arrival},
@@ -106,9 +106,17 @@ impl ShadowMap<'_> {
         let ndc = seen.truncate() / seen.w;
         let x = at(ndc.x, viewport.x, viewport.width);
         let y = at(-ndc.y, viewport.y, viewport.height);
+        // The map holds depths at the middles of its texels.
+        let middle = |texel: u32, from: u32, texels: u32| {
+            (f64::from(texel - from) + 0.5) / f64::from(texels) * 2.0 - 1.0
+        };
+        let middle = DVec2::new(
+            middle(x, viewport.x, viewport.width),
+            -middle(y, viewport.y, viewport.height),
+        );
         Some(LookUp {
             layer,
-            depth: ndc.z,
+            depth: ndc.z + self.cameras[layer].tilt().dot(middle - ndc.truncate()),
             nearest: f64::from(self.depth[layer][(y * self.width + x) as usize]),
             w: seen.w,
         })

@@ -42,7 +42,8 @@ pub(crate) struct ShadowCameraParams {
     pub(crate) per_w: f32,
     pub(crate) perspective: u32,
     pub(crate) far_depth: f32,
-    pub(crate) padding: [u32; 3],
+    pub(crate) padding: u32,
+    pub(crate) tilt: [f32; 2],
 }
 
 impl ShadowCameraParams {
@@ -56,7 +57,8 @@ impl ShadowCameraParams {
             per_w: camera.projection().row(3).z.abs().recip().min(1e18) as f32,
             perspective: u32::from(camera.is_perspective()),
             far_depth: camera.background_depth(),
-            padding: [0; 3],
+            padding: 0,
+            tilt: camera.tilt().as_vec2().to_array(),
         }
     }
 }

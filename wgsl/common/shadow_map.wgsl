@@ -1,5 +1,5 @@
-// A light's shadow map (src/surfel_shader/mod.rs): depth as seen from the light, by one camera or by several. Points are in the
-// space that the cameras' parameters are for.
+// A light's shadow map (src/surfel_shader/mod.rs): depth as seen from the light, by one camera or by several. Points are in
+// the space that the cameras' parameters are for.
 //
 // The importer declares `shadow`, a uniform Shadow, and `depth_map`, a texture_2d_array<f32>.
 
@@ -12,16 +12,16 @@ struct ShadowCamera {
   viewport: vec4f,
   // Side of a texel, world units for each unit of the clip space's w.
   texel: f32,
-  // Along a ray of the camera, depth is depth_scale / distance but for a constant of a perspective one, where distances are the
-  // clip space's w times `per_w`; of another a distance is depth_scale * depth but for a constant.
+  // Along a ray of the camera, depth is depth_scale / distance but for a constant of a perspective one, where distances are
+  // the clip space's w times `per_w`; of another a distance is depth_scale * depth but for a constant.
   depth_scale: f32,
   per_w: f32,
   perspective: u32,
   // The depth of the background, 0 or 1.
   far_depth: f32,
-  padding0: u32,
-  padding1: u32,
-  padding2: u32,
+  padding: u32,
+  // How depth at one distance along the axis changes with ndc.x and ndc.y: 0 but for an oblique near plane.
+  tilt: vec2f,
 }
 
 struct Shadow {
@@ -99,7 +99,10 @@ fn look_up(point: vec3f, side: vec3f) -> LookUp {
   let uv = clamp(ndc.xy * vec2f(0.5, -0.5) + 0.5, vec2f(0.0), vec2f(1.0));
   let viewport = shadow.cameras[seen.layer].viewport;
   let texel = min(floor(uv * viewport.zw), viewport.zw - 1.0);
-  return LookUp(seen.layer, ndc.z, textureLoad(depth_map, vec2u(viewport.xy + texel), seen.layer, 0).x, seen.clip.w);
+  // The map holds depths at the middles of its texels.
+  let middle = (texel + 0.5) / viewport.zw * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
+  let depth = ndc.z + dot(shadow.cameras[seen.layer].tilt, middle - ndc.xy);
+  return LookUp(seen.layer, depth, textureLoad(depth_map, vec2u(viewport.xy + texel), seen.layer, 0).x, seen.clip.w);
 }
 
 // Whether something is nearer to the light.
