@@ -265,7 +265,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", nargs="?", default="target/wgsl", type=pathlib.Path, help="default: %(default)s")
     parser.add_argument("--browser", help=f"the program to run (default: the first of {', '.join(CHROMIUM_NAMES)} on the PATH)")
-    parser.add_argument("--timeout", type=float, default=180.0, metavar="S", help="for all shaders together (default: %(default)g s)")
+    parser.add_argument("--timeout", type=float, default=600.0, metavar="S", help="for all shaders together (default: %(default)g s)")
     options = parser.parse_args()
 
     browser = options.browser or next(filter(None, map(shutil.which, CHROMIUM_NAMES)), None)
