@@ -10,9 +10,6 @@
 //! * `computed_share`: pixels that were computed, of all levels, over the pixels of the image; `level_shares`: of each
 //!   level, over that level's own.
 
-#[path = "../examples/support/mod.rs"]
-mod support;
-
 use std::{path::Path, process::ExitCode};
 
 use clap::Parser;

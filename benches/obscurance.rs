@@ -6,9 +6,6 @@
 //! submission at the full size, the fastest of many that take turns. Prints a table and writes
 //! `target/bench/obscurance.json`.
 
-#[path = "../examples/support/mod.rs"]
-mod support;
-
 use std::{path::Path, process::ExitCode};
 
 use deep_screen_space::{

@@ -8,9 +8,6 @@
 //! The loop is f32, multi-threaded and vectorised by the compiler over the 64 pixels of a unit. It is handed the surfels
 //! of each unit, binned beforehand: its time has no culling in it, that of the splat has.
 
-#[path = "../examples/support/mod.rs"]
-mod support;
-
 use std::{path::Path, time::Instant};
 
 use deep_screen_space::{

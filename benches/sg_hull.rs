@@ -6,9 +6,6 @@
 //! (the share of pixels that are gathered each for itself), uncovered, `fallback_pixels`. `--misfit X` sets the bound, `--runs N` of how
 //! many the best counts (2; one more goes first). Without sizes those of the paper are taken, 1280x720 to 3840x2400; a software driver needs minutes for the largest.
 
-#[path = "../examples/support/mod.rs"]
-mod support;
-
 use std::{hint::black_box, path::Path, time::Instant};
 
 use deep_screen_space::{

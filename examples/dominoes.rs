@@ -8,9 +8,6 @@
 //! directions after each doubling of N, and writes the sums `one_frame.png`, of the last frame alone, and `accumulated.png`.
 //! With `--step` the camera moves.
 
-#[path = "support/mod.rs"]
-mod support;
-
 use std::{
     f64::consts::PI,
     path::{Path, PathBuf},

@@ -4,11 +4,6 @@
 //! z-buffer, and by traced rays. In the closed room most walls are behind the camera; in the colonnade most of what
 //! occludes stands behind something else.
 
-#[path = "../benches/support/depth_only/mod.rs"]
-mod depth_only;
-#[path = "support/mod.rs"]
-mod support;
-
 use std::path::{Path, PathBuf};
 
 use deep_screen_space::{
@@ -16,7 +11,7 @@ use deep_screen_space::{
     reference::{gbuffer, trace::Tracer},
     scenes::{self, Scene},
 };
-use depth_only::{AmbientOcclusionSettings, DepthOnly, Frame};
+use support::depth_only::{AmbientOcclusionSettings, DepthOnly, Frame};
 use support::{
     bounced::BouncedRenderer,
     errors::rmse,

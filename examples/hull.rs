@@ -5,9 +5,6 @@
 //! edges), `result.png`, `truth.png` and `difference.png` (four times enlarged: red where the hull is too bright, blue
 //! where it is too dark). With a roughness all surfaces are glossy besides.
 
-#[path = "support/mod.rs"]
-mod support;
-
 use std::path::Path;
 
 use deep_screen_space::{

@@ -3,9 +3,6 @@
 //! Pipelines once, room for a scene and a view once; then a frame is four recordings into the caller's encoder, and one
 //! submission. What an engine has anyway (a device, meshes in buffers, a G-buffer) comes from `examples/support`.
 
-#[path = "support/mod.rs"]
-mod support;
-
 use deep_screen_space::{
     AmbientOcclusion, Camera, CloudCapacity, ClusterInput, Geometry, Reconstructor,
     ReconstructorInput, ReconstructorSettings, ShellSplatter, ShellSplatterDescriptor, SplatInput,

@@ -4,9 +4,6 @@
 //! four sub-images, black where nothing was computed, the blended image and four times its difference from the image at
 //! full resolution.
 
-#[path = "support/mod.rs"]
-mod support;
-
 use std::path::{Path, PathBuf};
 
 use deep_screen_space::scenes;

@@ -93,6 +93,8 @@
 //! `examples/minimal.rs` is the same as a program. With the feature `reference` come the mirrors of all passes in `f64`
 //! and a ray tracer for the truth; with `scenes`, scenes made in code.
 
+#![deny(missing_docs)]
+
 pub use glam;
 pub use wgpu;
 

@@ -9,11 +9,6 @@
 //! `DSS_SOAK_CYCLES` is how many cycles each pass has, and `DSS_SOAK_PASS` the name of the one pass to run. Linux alone tells how much memory a process has.
 #![cfg(target_os = "linux")]
 
-mod shot;
-
-#[path = "../examples/support/mod.rs"]
-mod support;
-
 use deep_screen_space::{
     AmbientOcclusion, BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, Channels,
     CloudCapacity, ClusterInput, Components, DiskSamples, Error, Gatherer, Geometry,
@@ -31,8 +26,8 @@ use deep_screen_space::{
     scenes,
     wgpu::{self, CommandEncoder, TextureFormat as Format},
 };
-use shot::{Shot, camera_of};
 use support::gpu::{Ask, Gpu};
+use support::testing::shot::{Shot, camera_of};
 
 const SIDE: u32 = 24;
 

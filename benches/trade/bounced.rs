@@ -6,10 +6,10 @@ use serde_json::{Value, json};
 use super::{
     method::{Method, QUALITY, Shot, Variant},
     stage::Stage,
-    support::{
-        bounced::BouncedRenderer,
-        presets::{self, BouncedPreset},
-    },
+};
+use support::{
+    bounced::BouncedRenderer,
+    presets::{self, BouncedPreset},
 };
 
 /// Directions and half width of the window, from cheap to dear.

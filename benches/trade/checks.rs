@@ -9,13 +9,11 @@ use deep_screen_space::{
     scenes::{Material, Part, Scene},
 };
 
-use super::{
-    depth_only::{AmbientOcclusionSettings, DepthOnly, Frame, IndirectSettings},
-    support::{
-        gpu::Gpu,
-        raster::{Raster, perspective},
-        scene::SceneBuffers,
-    },
+use support::depth_only::{AmbientOcclusionSettings, DepthOnly, Frame, IndirectSettings};
+use support::{
+    gpu::Gpu,
+    raster::{Raster, perspective},
+    scene::SceneBuffers,
 };
 
 const SIZE: [u32; 2] = [128, 96];

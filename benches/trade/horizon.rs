@@ -4,10 +4,10 @@ use deep_screen_space::wgpu::TextureView;
 use serde_json::{Value, json};
 
 use super::{
-    depth_only::{AmbientOcclusionSettings, DepthOnly, Frame},
     method::{Method, Shot, Variant},
     stage::Stage,
 };
+use support::depth_only::{AmbientOcclusionSettings, DepthOnly, Frame};
 
 /// Slices, taps on each side of each, and half width of the filter: from cheap to dear, each the best of its price.
 const LADDER: [[u32; 3]; 9] = [

@@ -4,13 +4,13 @@ use deep_screen_space::{CloudCapacity, Payload, glam::DVec3, wgpu::TextureView};
 use serde_json::{Value, json};
 
 use super::{
-    depth_only::{DepthOnly, Frame, IndirectSettings},
     method::{Method, QUALITY, Shot, Variant},
     stage::{Stage, luminance},
-    support::{
-        bounced::BouncedRenderer,
-        presets::{self, BouncedPreset},
-    },
+};
+use support::depth_only::{DepthOnly, Frame, IndirectSettings};
+use support::{
+    bounced::BouncedRenderer,
+    presets::{self, BouncedPreset},
 };
 
 /// Directions and half width of the window, from cheap to dear.

@@ -21,20 +21,14 @@
 //! `trade-light.png` for light, and `trade.png`, a line a knob of the splatter.
 
 mod bounced;
-#[path = "../support/canvas.rs"]
 mod canvas;
-#[path = "../support/chart.rs"]
 mod chart;
 mod checks;
-#[path = "../support/depth_only/mod.rs"]
-mod depth_only;
 mod horizon;
 mod light;
 mod method;
 mod splat;
 mod stage;
-#[path = "../../examples/support/mod.rs"]
-mod support;
 mod table;
 
 use std::{path::Path, process::ExitCode};

@@ -6,10 +6,10 @@ use serde_json::{Value, json};
 use super::{
     method::{Method, QUALITY, Shot, Variant},
     stage::Stage,
-    support::{
-        ambient_occlusion::Renderer,
-        presets::{self, Preset},
-    },
+};
+use support::{
+    ambient_occlusion::Renderer,
+    presets::{self, Preset},
 };
 
 /// Room for the finest settings at these sizes; a row says if it was too little.

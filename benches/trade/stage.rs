@@ -13,7 +13,7 @@ use deep_screen_space::{
 };
 use serde::Serialize;
 
-use super::support::{
+use support::{
     gpu::Gpu,
     raster::{self, Raster},
     scene::SceneBuffers,

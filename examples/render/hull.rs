@@ -5,17 +5,14 @@ use std::path::PathBuf;
 use deep_screen_space::{Components, Light, SgHullSize, scenes::Scene};
 use serde_json::json;
 
-use super::{
-    Options,
-    support::{
-        files,
-        gpu::Gpu,
-        hull::{HullRenderer, Lamp, difference},
-        raster::Raster,
-        scene::SceneBuffers,
-        visible::near_of,
-    },
-    view::Shot,
+use super::{Options, view::Shot};
+use support::{
+    files,
+    gpu::Gpu,
+    hull::{HullRenderer, Lamp, difference},
+    raster::Raster,
+    scene::SceneBuffers,
+    visible::near_of,
 };
 
 /// Degrees that the map of a point light covers, toward what the camera looks at.

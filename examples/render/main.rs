@@ -14,9 +14,6 @@ mod methods;
 mod near;
 mod view;
 
-#[path = "../support/mod.rs"]
-pub(crate) mod support;
-
 use std::{path::PathBuf, process::ExitCode};
 
 use clap::Parser;

@@ -5,13 +5,10 @@ use deep_screen_space::{
 };
 use serde_json::{Value, json};
 
-use super::{
-    Options,
-    support::{
-        ambient_occlusion::Renderer, bounced::BouncedRenderer, gpu::Gpu, presets, raster::Raster,
-        scene::SceneBuffers,
-    },
-    view::Shot,
+use super::{Options, view::Shot};
+use support::{
+    ambient_occlusion::Renderer, bounced::BouncedRenderer, gpu::Gpu, presets, raster::Raster,
+    scene::SceneBuffers,
 };
 
 /// A picture and what it took.

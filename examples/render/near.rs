@@ -6,14 +6,14 @@ use serde_json::{Value, json};
 use super::{
     Options,
     methods::{Rendered, twice},
-    support::{
-        errors::rmse,
-        gpu::Gpu,
-        multires::{Masked, read_image},
-        near::{Effect, Passes, Stage},
-        scene::SceneBuffers,
-    },
     view::Shot,
+};
+use support::{
+    errors::rmse,
+    gpu::Gpu,
+    multires::{Masked, read_image},
+    near::{Effect, Passes, Stage},
+    scene::SceneBuffers,
 };
 
 /// Of what reads the G-buffer alone: there is no cloud.

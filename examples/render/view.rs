@@ -13,15 +13,13 @@ use deep_screen_space::{
 };
 use serde::Deserialize;
 
-use super::{
-    Options,
-    support::{
-        arguments::MAX_SIDE,
-        gltf::{FileCamera, Loaded},
-        raster,
-        visible::Sight,
-        world::{World, bounds_of, origin_for},
-    },
+use super::Options;
+use support::{
+    arguments::MAX_SIDE,
+    gltf::{FileCamera, Loaded},
+    raster,
+    visible::Sight,
+    world::{World, bounds_of, origin_for},
 };
 
 /// The largest coordinate or distance of a camera: squares of it are within f32, as are depths.

@@ -59,7 +59,7 @@ const LABEL: &str = "deep-screen-space hull";
 /// lights there are, and no outline of any.
 ///
 /// Against GGX integrated over the same light, root mean square of the right values, reflectance 0.04, seen from 0°, 30°, 60°
-/// and 80°, the light's middle up to 50° off the mirrored view (`cargo test --test sg_glossy off_ggx -- --nocapture`):
+/// and 80°, the light's middle up to 50° off the mirrored view (`cargo test --test passes off_ggx -- --nocapture`):
 ///
 /// | Light | Roughness 0.1 | 0.3 | 0.6 | 1 |
 /// |---|---|---|---|---|

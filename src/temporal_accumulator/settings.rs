@@ -24,7 +24,7 @@ pub struct TemporalSettings {
     ///
     /// It costs bias: the history is cut to what nine pixels of one frame show. A pixel that differs from those around
     /// it is drawn to them, and noise that is rare and strong to the value between its strokes. Measured at 32 frames
-    /// (`cargo test --test temporal_accumulator clamping`): uniform noise in 0…1 leaves an RMSE of 0.038 at 0, 0.040 at
+    /// (`cargo test --test passes clamping`): uniform noise in 0…1 leaves an RMSE of 0.038 at 0, 0.040 at
     /// 0.5 and 0.049 at 1; where one value in twenty is 1 and the others are 0, the mean is 0.050 at 0 and 0.002 at 0.5.
     /// Four frames after such a light fell to a tenth the RMSE is 0.40, 0.036 and 0.016. 0 leaves the history alone,
     /// without bias. Default 0.

@@ -5,13 +5,14 @@
 mod render;
 
 mod files;
+mod gltf;
 mod places;
 mod room;
 
 use std::{path::PathBuf, sync::LazyLock};
 
 use clap::Parser;
-use render::support::gpu::{Ask, Gpu};
+use support::gpu::{Ask, Gpu};
 
 static GPU: LazyLock<Gpu> = LazyLock::new(|| Gpu::open(Ask::from_env()).expect("a device"));
 
@@ -35,7 +36,7 @@ impl Drawn {
 
 /// Root of the mean square difference of two PNGs.
 fn rmse(a: &Drawn, b: &Drawn) -> f64 {
-    render::support::errors::rmse(a.picture.as_flattened(), b.picture.as_flattened())
+    support::errors::rmse(a.picture.as_flattened(), b.picture.as_flattened())
 }
 
 /// Runs the example with what stands between spaces; its files go to a folder of that name.

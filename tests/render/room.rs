@@ -8,17 +8,18 @@ use deep_screen_space::{
 
 use serde_json::json;
 
+use support::{
+    bounced::BouncedRenderer,
+    presets::bounced_preset,
+    raster::{Raster, perspective},
+    scene::{SceneBuffers, runs},
+    shadow,
+};
+
 use super::{
     GPU,
     files::{Triangles, glb},
     render,
-    render::support::{
-        bounced::BouncedRenderer,
-        presets::bounced_preset,
-        raster::{Raster, perspective},
-        scene::{SceneBuffers, runs},
-        shadow,
-    },
 };
 
 #[test]

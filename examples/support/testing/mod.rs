@@ -1,0 +1,8 @@
+//! What the tests share: passes wired for one picture, rays and hits read back, refusals looked at.
+
+pub mod kernel;
+pub mod multi_res;
+pub mod passes;
+pub mod rays;
+pub mod refusals;
+pub mod shot;

@@ -1,0 +1,426 @@
+//! Rays of pixels wired for tests: a device, pipelines, senders, and hits read back.
+
+use std::sync::{LazyLock, OnceLock};
+
+use deep_screen_space::{
+    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Camera,
+    CloudCapacity, Geometry, HitReconstructor, HitReconstructorDescriptor, HitReconstructorInput,
+    HitReconstructorSettings, Light, Mesh, Payload, Piece, Sampling, SenderBounds, SurfelCloud,
+    SurfelCounts, SurfelRadiance, Surfelizer, SurfelizerInput, SurfelizerSettings, Viewport,
+    glam::DVec3,
+    reference::{
+        hashing::{hash2, unit_float},
+        surfelizer as mirror,
+    },
+    scenes::{Part, Scene},
+    wgpu,
+};
+
+use crate::{
+    gpu::{Ask, Gpu},
+    testing::shot::Shot,
+};
+
+/// The device and the pipelines, made once for all tests.
+pub struct Lab {
+    pub gpu: Gpu,
+    pub surfelizer: Surfelizer,
+    tracers: Vec<(BouncedDescriptor, BouncedZBuffer)>,
+    /// By payload, sampling and whether they are deferred.
+    reconstructors: [OnceLock<HitReconstructor>; 8],
+}
+
+static LAB: LazyLock<Lab> = LazyLock::new(|| {
+    let gpu = Gpu::open(Ask::from_env()).expect("a graphics adapter");
+    let mut tracers = Vec::new();
+    for payload in [Payload::Occlusion, Payload::Radiance] {
+        for sampling in [Sampling::Cosine, Sampling::Uniform] {
+            let descriptor = BouncedDescriptor {
+                payload,
+                sampling,
+                ..BouncedDescriptor::default()
+            };
+            let tracer = BouncedZBuffer::new(&gpu.device, &descriptor, None).expect("pipelines");
+            tracers.push((descriptor, tracer));
+        }
+    }
+    Lab {
+        surfelizer: Surfelizer::new(&gpu.device, None).expect("pipelines"),
+        tracers,
+        reconstructors: Default::default(),
+        gpu,
+    }
+});
+
+pub fn lab() -> &'static Lab {
+    &LAB
+}
+
+/// The caller's triangles, as they are.
+pub fn triangles() -> SurfelizerSettings {
+    SurfelizerSettings {
+        density: f32::INFINITY,
+        ..SurfelizerSettings::default()
+    }
+}
+
+/// Room for what these tests make.
+pub const AMPLE: CloudCapacity = CloudCapacity {
+    surfels: 1 << 17,
+    pieces: 1 << 16,
+    triangles: 1 << 17,
+};
+
+/// A cloud with its bounds, and what it holds.
+pub struct Senders {
+    pub cloud: SurfelCloud,
+    pub bounds: SenderBounds,
+    pub counts: SurfelCounts,
+    pub pieces: Vec<mirror::Piece>,
+}
+
+impl Lab {
+    pub fn tracer(&self, payload: Payload, sampling: Sampling) -> &BouncedZBuffer {
+        let found = self
+            .tracers
+            .iter()
+            .find(|(d, _)| (d.payload, d.sampling) == (payload, sampling));
+        &found.expect("all are made").1
+    }
+
+    fn any(&self) -> &BouncedZBuffer {
+        &self.tracers[0].1
+    }
+
+    pub fn senders(
+        &self,
+        meshes: &[Mesh<'_>],
+        camera: &Camera,
+        settings: &SurfelizerSettings,
+        capacity: CloudCapacity,
+    ) -> Senders {
+        let device = &self.gpu.device;
+        let cloud = self
+            .surfelizer
+            .create_cloud(device, capacity)
+            .expect("a cloud");
+        let mut senders = Senders {
+            bounds: self.any().create_bounds(device, &cloud).expect("bounds"),
+            cloud,
+            counts: SurfelCounts::default(),
+            pieces: Vec::new(),
+        };
+        self.record_senders(&mut senders, meshes, camera, settings);
+        senders
+    }
+
+    /// Records other triangles into the same buffers.
+    pub fn record_senders(
+        &self,
+        senders: &mut Senders,
+        meshes: &[Mesh<'_>],
+        camera: &Camera,
+        settings: &SurfelizerSettings,
+    ) {
+        let device = &self.gpu.device;
+        let mut encoder = self.gpu.encoder();
+        let input = SurfelizerInput {
+            geometry: Geometry { meshes },
+            camera,
+            cull_by: &[],
+            timestamps: None,
+        };
+        self.surfelizer
+            .record(device, &mut encoder, &input, settings, &mut senders.cloud)
+            .expect("surfels");
+        self.any()
+            .record_bounds(device, &mut encoder, &senders.cloud, &senders.bounds, None)
+            .expect("bounds");
+        self.gpu.finish(encoder);
+        senders.counts = self.gpu.read_buffer(senders.cloud.counters())[0];
+        let pieces: Vec<Piece> = self.gpu.read_buffer(senders.cloud.pieces());
+        let taken =
+            mirror::rooms_taken(senders.counts.pieces, senders.cloud.capacity().pieces) as usize;
+        let point = |p: [f32; 3]| DVec3::from(p.map(f64::from));
+        senders.pieces = pieces[..taken]
+            .iter()
+            .map(|piece| mirror::Piece {
+                corners: mirror::Triangle {
+                    a: point(piece.a),
+                    b: point(piece.b),
+                    c: point(piece.c),
+                },
+                material: piece.material,
+                shape: piece.shape,
+                triangle: piece.triangle,
+            })
+            .collect();
+    }
+
+    pub fn view(
+        &self,
+        shot: &Shot,
+        payload: Payload,
+        sampling: Sampling,
+        directions: u32,
+    ) -> BouncedView {
+        let Viewport { width, height, .. } = shot.camera.viewport();
+        self.tracer(payload, sampling)
+            .create_view(&self.gpu.device, width, height, directions)
+            .expect("a view")
+    }
+
+    pub fn trace_into(
+        &self,
+        shot: &Shot,
+        senders: &Senders,
+        radiance: Option<&wgpu::Buffer>,
+        settings: &BouncedSettings,
+        sampling: Sampling,
+        view: &BouncedView,
+    ) {
+        let payload = if radiance.is_some() {
+            Payload::Radiance
+        } else {
+            Payload::Occlusion
+        };
+        let mut encoder = self.gpu.encoder();
+        let input = BouncedInput {
+            lighting: None,
+            gbuffer: shot.gbuffer(),
+            camera: &shot.camera,
+            cloud: &senders.cloud,
+            bounds: &senders.bounds,
+            radiance,
+            timestamps: None,
+            roughness: None,
+        };
+        self.tracer(payload, sampling)
+            .record(&self.gpu.device, &mut encoder, &input, settings, view)
+            .expect("hits");
+        self.gpu.finish(encoder);
+    }
+
+    /// Occlusion without a buffer of radiance, radiance with one.
+    pub fn trace(
+        &self,
+        shot: &Shot,
+        senders: &Senders,
+        radiance: Option<&wgpu::Buffer>,
+        settings: &BouncedSettings,
+        sampling: Sampling,
+    ) -> BouncedView {
+        let payload = if radiance.is_some() {
+            Payload::Radiance
+        } else {
+            Payload::Occlusion
+        };
+        let view = self.view(shot, payload, sampling, settings.directions);
+        self.trace_into(shot, senders, radiance, settings, sampling, &view);
+        view
+    }
+
+    /// The words of bits of a view.
+    pub fn blocked(&self, view: &BouncedView, settings: &BouncedSettings) -> Vec<u32> {
+        let [width, height] = view.size();
+        let words = settings.directions.div_ceil(32) * width * height;
+        let mut all: Vec<u32> = self.gpu.read_buffer(view.blocked().expect("bits"));
+        all.truncate(words as usize);
+        all
+    }
+
+    /// The packed colours of a view, those of a pixel together.
+    pub fn colors(&self, view: &BouncedView, settings: &BouncedSettings) -> Vec<u32> {
+        let texture = view.radiance().expect("colours").texture();
+        let layers: Vec<Vec<u32>> = (0..settings.directions.max(1))
+            .map(|layer| self.gpu.read_texture(texture, layer))
+            .collect();
+        (0..layers[0].len())
+            .flat_map(|pixel| layers.iter().map(move |layer| layer[pixel]))
+            .collect()
+    }
+
+    pub fn reconstructor(
+        &self,
+        payload: Payload,
+        sampling: Sampling,
+        deferred: bool,
+    ) -> &HitReconstructor {
+        let index = 4 * usize::from(payload == Payload::Radiance)
+            + 2 * usize::from(sampling == Sampling::Uniform)
+            + usize::from(deferred);
+        let descriptor = HitReconstructorDescriptor {
+            payload,
+            sampling,
+            deferred,
+            target: wgpu::TextureFormat::Rgba32Float,
+        };
+        self.reconstructors[index].get_or_init(|| {
+            HitReconstructor::new(&self.gpu.device, &descriptor, None).expect("pipelines")
+        })
+    }
+
+    /// The picture within the viewport.
+    pub fn reconstruct(
+        &self,
+        reconstructor: &HitReconstructor,
+        shot: &Shot,
+        senders: &Senders,
+        (hits, traced): (&BouncedView, &BouncedSettings),
+        settings: &HitReconstructorSettings,
+    ) -> Vec<[f32; 4]> {
+        let device = &self.gpu.device;
+        let Viewport {
+            x,
+            y,
+            width,
+            height,
+        } = shot.camera.viewport();
+        let scratch = reconstructor
+            .create_view(device, width, height)
+            .expect("a view");
+        let target = self
+            .gpu
+            .target(wgpu::TextureFormat::Rgba32Float, x + width, y + height);
+        let mut encoder = self.gpu.encoder();
+        let input = HitReconstructorInput {
+            gbuffer: shot.lit_gbuffer(),
+            camera: &shot.camera,
+            cloud: &senders.cloud,
+            hits,
+            traced,
+            target: target.texture().into(),
+            timestamps: None,
+            roughness: None,
+        };
+        reconstructor
+            .record(device, &mut encoder, &input, settings, &scratch)
+            .expect("a picture");
+        self.gpu.finish(encoder);
+        let all: Vec<[f32; 4]> = self.gpu.read_texture(target.texture(), 0);
+        let row = (x + width) as usize;
+        let (beside, inside): (Vec<_>, Vec<_>) = all
+            .into_iter()
+            .enumerate()
+            .partition(|(i, _)| i / row < y as usize || i % row < x as usize);
+        assert!(
+            beside.iter().all(|(_, texel)| *texel == [0.0; 4]),
+            "written beside the viewport"
+        );
+        inside.into_iter().map(|(_, texel)| texel).collect()
+    }
+
+    /// Radiance of all surfels that a cloud can hold, over six decades; no two are alike.
+    pub fn motley(&self, senders: &Senders) -> (wgpu::Buffer, Vec<SurfelRadiance>) {
+        let channel = |i: u32, channel: u32| {
+            let draw = |salt| unit_float(hash2(i, channel + salt));
+            (draw(0) * 10_f64.powf(6.0 * unit_float(hash2(i, 77)) - 3.0)) as f32
+        };
+        let all: Vec<SurfelRadiance> = (0..senders.cloud.capacity().surfels.max(1))
+            .map(|i| SurfelRadiance {
+                front: [0, 1, 2].map(|c| channel(i, c)),
+                back: [3, 4, 5].map(|c| channel(i, c)),
+                ..SurfelRadiance::default()
+            })
+            .collect();
+        (self.gpu.buffer(&all, wgpu::BufferUsages::STORAGE), all)
+    }
+}
+
+/// World-space triangles with flat normals, all of the material given.
+pub fn scene_of(triangles: &[[DVec3; 3]], base: &Scene) -> Scene {
+    let positions: Vec<[f32; 3]> = triangles
+        .iter()
+        .flatten()
+        .map(|p| p.as_vec3().to_array())
+        .collect();
+    let normals = triangles
+        .iter()
+        .flat_map(|[a, b, c]| {
+            let normal = (*b - *a).cross(*c - *a).normalize_or(DVec3::Y);
+            [normal.as_vec3().to_array(); 3]
+        })
+        .collect();
+    Scene {
+        name: "triangles",
+        normals,
+        indices: (0..positions.len() as u32).collect(),
+        parts: vec![Part {
+            first_index: 0,
+            index_count: positions.len() as u32,
+            material: 0,
+        }],
+        positions,
+        ..base.clone()
+    }
+}
+
+/// The same scene elsewhere and larger.
+pub fn moved(scene: &Scene, scale: f64, shift: DVec3) -> Scene {
+    let place = |p: DVec3| p * scale + shift;
+    let mut moved = scene.clone();
+    for p in &mut moved.positions {
+        *p = place(DVec3::from(p.map(f64::from))).as_vec3().to_array();
+    }
+    for view in &mut moved.views {
+        view.eye = place(view.eye.into()).to_array();
+        view.target = place(view.target.into()).to_array();
+        view.near *= scale;
+    }
+    moved
+}
+
+/// A hall without its front wall, which would be at z = 20: 10 wide, 8 high and 40 long. From within nothing of it hides
+/// anything.
+pub fn hall(base: &Scene) -> Scene {
+    let corner = |i: usize| {
+        let side = |bit: usize, low: f64, high: f64| if i & bit == 0 { low } else { high };
+        DVec3::new(side(1, -5.0, 5.0), side(2, 0.0, 8.0), side(4, -20.0, 20.0))
+    };
+    // Front sides face inward.
+    let quads = [
+        [0, 4, 5, 1],
+        [2, 3, 7, 6],
+        [0, 2, 6, 4],
+        [1, 5, 7, 3],
+        [0, 1, 3, 2],
+    ];
+    let triangles: Vec<[DVec3; 3]> = quads
+        .iter()
+        .flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]])
+        .map(|face| face.map(corner))
+        .collect();
+    scene_of(&triangles, base)
+}
+
+/// Lights on its ceiling, on a wall, in an edge and in a corner, and near each; and spots that shine down from there.
+pub fn lamps() -> Vec<Light> {
+    let mut lamps = Vec::new();
+    for off in [0.0, 1e-4, 1e-3, 0.1] {
+        for (position, inward) in [
+            (DVec3::new(0.0, 8.0, -10.0), DVec3::NEG_Y),
+            (DVec3::new(-5.0, 3.0, -2.0), DVec3::X),
+            (DVec3::new(5.0, 8.0, -7.0), DVec3::new(-1.0, -1.0, 0.0)),
+            (DVec3::new(-5.0, 8.0, -20.0), DVec3::new(1.0, -1.0, 1.0)),
+        ] {
+            lamps.push(Light::Point {
+                position: position + inward * off,
+                intensity: [100.0; 3],
+            });
+            lamps.push(Light::Spot {
+                position: position + inward * off,
+                direction: inward + DVec3::new(0.1, -0.3, 0.2),
+                intensity: [100.0; 3],
+                inner: 0.5,
+                outer: 1.2,
+            });
+        }
+    }
+    lamps
+}
+
+/// How many bits differ.
+pub fn differing_bits(a: &[u32], b: &[u32]) -> u32 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(a, b)| (a ^ b).count_ones()).sum()
+}

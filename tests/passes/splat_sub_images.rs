@@ -1,0 +1,286 @@
+//! Splatting and reconstruction on sub-images: listed pixels are those of the whole image, and what a multi-resolution mask
+//! blends of them is near it.
+
+use deep_screen_space::{
+    AmbientOcclusion, Camera, Channels, CloudCapacity, ClusterInput, Effect, Error, Geometry,
+    MultiResMask, MultiResMaskSettings, MultiResReconstructor, MultiResReconstructorInput,
+    MultiResReconstructorSettings, Reconstructor, ReconstructorInput, ReconstructorSettings,
+    ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatSettings, SurfelCloud, SurfelClusters,
+    Surfelizer, SurfelizerInput, SurfelizerSettings, Viewport, WorkList, scenes,
+    wgpu::{self, TextureFormat as Format, TextureView},
+};
+use support::testing::multi_res;
+use support::testing::multi_res::{Frame, check_work};
+use support::testing::shot::{Shot, camera_in, camera_of};
+use support::{
+    errors::rmse,
+    gpu::{Ask, Gpu},
+};
+
+fn gpu() -> Gpu {
+    Gpu::open(Ask::from_env()).expect("a graphics adapter; scripts/test.sh installs one")
+}
+
+/// Surfels of what a shot shows, and the passes for an effect.
+struct Splats<'a> {
+    gpu: &'a Gpu,
+    shot: &'a Shot,
+    settings: SplatSettings,
+    splatter: ShellSplatter,
+    reconstructor: Reconstructor,
+    cloud: SurfelCloud,
+    clusters: SurfelClusters,
+}
+
+impl<'a> Splats<'a> {
+    fn new(gpu: &'a Gpu, shot: &'a Shot, effect: &Effect, settings: SplatSettings) -> Self {
+        let device = &gpu.device;
+        let surfelizer = Surfelizer::new(device, None).expect("pipelines");
+        let splatter = ShellSplatter::new(
+            device,
+            &ShellSplatterDescriptor {
+                effect,
+                subgroups: false,
+                statistics: false,
+                cache: None,
+            },
+        )
+        .expect("pipelines");
+        let capacity = CloudCapacity {
+            surfels: 1 << 17,
+            pieces: 1 << 16,
+            triangles: 1 << 16,
+        };
+        let mut cloud = surfelizer.create_cloud(device, capacity).expect("a cloud");
+        let mut clusters = splatter
+            .create_clusters(device, &cloud, settings.levels)
+            .expect("clusters");
+        let mut encoder = gpu.encoder();
+        let meshes = shot.buffers.meshes();
+        let input = SurfelizerInput {
+            geometry: Geometry { meshes: &meshes },
+            camera: &shot.camera,
+            cull_by: &[shot.camera],
+            timestamps: None,
+        };
+        let surfels = SurfelizerSettings {
+            radius_pixels: 3.0,
+            reach: ShellSplatter::reach(&settings),
+            ..SurfelizerSettings::default()
+        };
+        surfelizer
+            .record(device, &mut encoder, &input, &surfels, &mut cloud)
+            .expect("surfels");
+        let input = ClusterInput {
+            cloud: &cloud,
+            materials: None,
+            timestamps: None,
+        };
+        splatter
+            .record_clusters(device, &mut encoder, &input, &settings, &mut clusters)
+            .expect("clusters");
+        gpu.finish(encoder);
+        Self {
+            gpu,
+            shot,
+            settings,
+            splatter,
+            reconstructor: Reconstructor::new(device, effect, Format::R32Float, None)
+                .expect("pipelines"),
+            cloud,
+            clusters,
+        }
+    }
+
+    fn camera(&self) -> &Camera {
+        &self.shot.camera
+    }
+
+    fn size(&self) -> [u32; 2] {
+        let viewport = self.camera().viewport();
+        [viewport.width, viewport.height]
+    }
+
+    fn record(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        work: Option<WorkList<'_>>,
+        target: &wgpu::Texture,
+    ) -> Result<(), Error> {
+        let device = &self.gpu.device;
+        let sub_image = work.as_ref().map_or(0, |work| work.level);
+        let [width, height] = self.size().map(|n| n.div_ceil(1 << sub_image));
+        let levels = self.settings.levels;
+        let sums = self.splatter.create_view(device, width, height, levels)?;
+        let scratch = self
+            .reconstructor
+            .create_view(device, width, height, levels)?;
+        let gbuffer = self.shot.lit_gbuffer();
+        let input = SplatInput {
+            gbuffer,
+            camera: self.camera(),
+            cloud: &self.cloud,
+            clusters: &self.clusters,
+            materials: None,
+            work,
+            timestamps: None,
+        };
+        self.splatter
+            .record(device, encoder, &input, &self.settings, &sums)?;
+        let input = ReconstructorInput {
+            gbuffer,
+            camera: self.camera(),
+            cloud: &self.cloud,
+            sums: &sums,
+            levels,
+            // From the corner, wherever the viewport is.
+            sub_image: Some(sub_image),
+            target: target.into(),
+            timestamps: None,
+        };
+        let settings = ReconstructorSettings::default();
+        self.reconstructor
+            .record(device, encoder, &input, &settings, &scratch)
+    }
+}
+
+/// Occlusion times the red of the albedo: nothing where there is no surface.
+fn tinted() -> Effect {
+    let mut effect = AmbientOcclusion::default().effect();
+    let start = effect.source.find("fn resolve").expect("the last function");
+    effect.source = (effect.source[..start].to_owned()
+        + "fn resolve(sum: f32, albedo: vec3f) -> vec4f { 
+  return vec4f(select(0.0, sum * albedo.x, sum > 0.0));
+}\n")
+        .into();
+    effect.albedo = true;
+    effect.label = "tinted".into();
+    effect
+}
+
+#[test]
+fn listed_pixels_are_those_of_the_whole_image() {
+    let gpu = gpu();
+    let scene = scenes::colonnade();
+    // Sides that no level divides.
+    for (x, y) in [(0, 0), (5, 3)] {
+        let viewport = Viewport {
+            x,
+            y,
+            ..Viewport::full(75, 53)
+        };
+        let shot = Shot::new(&gpu, &scene, &camera_in(&scene, 0, viewport));
+        // One level has no noise: what a pixel sees does not depend on which others there are.
+        let settings = SplatSettings {
+            levels: 1,
+            radius: 1.0,
+            ..SplatSettings::default()
+        };
+        let splats = Splats::new(&gpu, &shot, &tinted(), settings);
+        let frame = Frame::of_shot(&gpu, &shot);
+        check_work(&gpu, &frame, Format::R32Float, |encoder, work, target| {
+            splats
+                .record(encoder, work, target.texture())
+                .expect("an image");
+        });
+    }
+}
+
+#[test]
+fn sub_images_blend_to_the_whole_image() {
+    let gpu = gpu();
+    let device = &gpu.device;
+    let scene = scenes::colonnade();
+    let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, [160, 96]));
+    let effect = AmbientOcclusion::default().effect();
+    let splats = Splats::new(
+        &gpu,
+        &shot,
+        &effect,
+        SplatSettings {
+            levels: 3,
+            ..SplatSettings::default()
+        },
+    );
+    let [width, height] = splats.size();
+    let whole = gpu.target(Format::R32Float, width, height);
+    let blended = gpu.target(Format::R32Float, width, height);
+    let mask_settings = MultiResMaskSettings::OCCLUSION;
+    let mask = MultiResMask::new(device, None).expect("pipelines");
+    let frame = Frame::of_shot(&gpu, &shot);
+    let masks = multi_res::record(&gpu, &mask, &frame.input(), &mask_settings);
+    let blend = MultiResReconstructor::new(device, Channels::One, Format::R32Float, None)
+        .expect("pipelines");
+    let images = blend
+        .create_images(device, width, height, &mask_settings)
+        .expect("images");
+    let mut encoder = gpu.encoder();
+    splats
+        .record(&mut encoder, None, whole.texture())
+        .expect("an image");
+    for work in masks.works() {
+        let target = images.level(work.level).expect("a level");
+        splats
+            .record(&mut encoder, Some(work), target)
+            .expect("an image");
+    }
+    let input = MultiResReconstructorInput {
+        gbuffer: shot.gbuffer(),
+        camera: &shot.camera,
+        masks: &masks,
+        images: &images,
+        target: blended.texture().into(),
+        timestamps: None,
+    };
+    blend
+        .record(
+            device,
+            &mut encoder,
+            &input,
+            &MultiResReconstructorSettings::default(),
+        )
+        .expect("an image");
+    gpu.finish(encoder);
+    let read = |view: &TextureView| -> Vec<f32> { gpu.read_texture(view.texture(), 0) };
+    let off = rmse(&read(&blended), &read(&whole));
+    println!("off by {off:.4}");
+    // 0.024 here: a coarse pixel's occlusion is not that of all pixels about it, and the levels' noise has fewer neighbours to
+    // be smoothed over.
+    assert!(off < 0.03, "{off}");
+}
+
+#[test]
+fn what_does_not_fit_is_refused() {
+    let gpu = gpu();
+    let scene = scenes::cornell();
+    let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, [16, 12]));
+    let effect = AmbientOcclusion::default().effect();
+    let settings = SplatSettings {
+        levels: 1,
+        ..SplatSettings::default()
+    };
+    let splats = Splats::new(&gpu, &shot, &effect, settings);
+    let mask = MultiResMask::new(&gpu.device, None).expect("pipelines");
+    let frame = Frame::of_shot(&gpu, &shot);
+    let masks = multi_res::record(
+        &gpu,
+        &mask,
+        &frame.input(),
+        &MultiResMaskSettings::OCCLUSION,
+    );
+    let work = masks.work(1).expect("a level");
+    let refusal = |work: WorkList<'_>, target: [u32; 2]| {
+        let target = gpu.target(Format::R32Float, target[0], target[1]);
+        let refused = splats.record(&mut gpu.encoder(), Some(work), target.texture());
+        refused.expect_err("it does not fit").to_string()
+    };
+    let beyond = refusal(WorkList { level: 4, ..work }, [16, 12]);
+    assert!(
+        beyond.contains("WorkList::level") && beyond.contains('4'),
+        "{beyond}"
+    );
+    let small = refusal(WorkList { level: 0, ..work }, [16, 12]);
+    assert!(small.contains("WorkList::pixels"), "{small}");
+    let target = refusal(work, [7, 6]);
+    assert!(target.contains("8x6"), "{target}");
+}

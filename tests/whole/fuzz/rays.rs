@@ -1,0 +1,196 @@
+//! Surfels' pieces, or the surfels as disks, traced and reconstructed.
+
+use deep_screen_space::{
+    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, DiskSettings, HitLighting,
+    HitReconstructor, HitReconstructorDescriptor, HitReconstructorInput, HitReconstructorSettings,
+    Lighting, Merge, Payload, Placement, Sampling, Senders,
+    wgpu::{TextureFormat, TextureUsages},
+};
+
+use super::{
+    case::{Case, Kind},
+    inputs::{self, Part},
+    surfels,
+};
+
+/// What tracers are made for: each takes pipelines of its own.
+fn descriptor(case: &mut Case<'_>) -> BouncedDescriptor {
+    let pieces = |payload, sampling, lighting| BouncedDescriptor {
+        payload,
+        senders: Senders::Pieces,
+        sampling,
+        lighting,
+        statistics: false,
+    };
+    let disks = |payload, levels| BouncedDescriptor {
+        senders: Senders::Disks { levels },
+        ..pieces(payload, Sampling::Cosine, Lighting::Surfels)
+    };
+    let kinds = [
+        pieces(Payload::Occlusion, Sampling::Cosine, Lighting::Surfels),
+        pieces(Payload::Occlusion, Sampling::Glossy, Lighting::Surfels),
+        pieces(Payload::Radiance, Sampling::Uniform, Lighting::Surfels),
+        pieces(Payload::Radiance, Sampling::Glossy, Lighting::Surfels),
+        pieces(Payload::Radiance, Sampling::Cosine, Lighting::Hits),
+        pieces(Payload::Radiance, Sampling::Glossy, Lighting::Hits),
+        disks(Payload::Occlusion, 1),
+        disks(Payload::Radiance, 5),
+    ];
+    let mut descriptor = case.usual("tracer", &kinds);
+    if case.random.breaks() {
+        descriptor.senders = Senders::Disks {
+            levels: case.random.one_of(&[0, 9, u32::MAX]),
+        };
+    }
+    descriptor.statistics = descriptor.senders != Senders::Pieces;
+    case.note("traced for", descriptor);
+    descriptor
+}
+
+pub fn roughness(case: &mut Case<'_>, viewport: deep_screen_space::Viewport) -> Part {
+    let formats = [
+        TextureFormat::R32Float,
+        TextureFormat::R8Unorm,
+        TextureFormat::Rgba16Float,
+    ];
+    let format = case.usual("roughness", &formats);
+    inputs::image(case, "roughness", format, viewport, |x, y| {
+        [(x + y) as f32 * 0.04, 0.0, 0.0, 0.0]
+    })
+}
+
+fn settings(case: &mut Case<'_>) -> BouncedSettings {
+    let settings = BouncedSettings {
+        directions: case.random.count(0, 64),
+        radius: case.random.scale(0.0, f32::INFINITY),
+        frame: case.random.count(0, 1 << 20),
+        background: std::array::from_fn(|_| case.random.scale(0.0, 1e18)),
+        disks: DiskSettings {
+            shell_radii: case.random.scale(f32::MIN_POSITIVE, f32::INFINITY),
+            merge: case.random.one_of(&[Merge::Nearest, Merge::Finest]),
+            seed: case.random.count(0, 1 << 24),
+        },
+    };
+    case.note("bounced", settings);
+    settings
+}
+
+pub fn record(case: &mut Case<'_>) {
+    let _ = steps(case);
+}
+
+fn steps(case: &mut Case<'_>) -> Option<()> {
+    let device = case.device();
+    let camera = inputs::camera(case);
+    let viewport = camera.viewport();
+    let descriptor = descriptor(case);
+    let tracer = case.once(descriptor, |device| {
+        BouncedZBuffer::new(device, &descriptor, None)
+    })?;
+    let placements = [Placement::Centroid, Placement::Random, Placement::Grid];
+    let from_leaves = descriptor.payload == Payload::Radiance
+        && descriptor.lighting == Lighting::Surfels
+        && descriptor.senders == Senders::Pieces;
+    let accepted = if from_leaves && !case.random.breaks() {
+        1
+    } else {
+        3
+    };
+    let surfels = surfels::record(case, &camera, &placements[..accepted])?;
+    let cloud = &surfels.cloud;
+    let bounds = surfels::bounds(case, &tracer, cloud)?;
+    let is_lit =
+        descriptor.payload == Payload::Radiance && descriptor.lighting == Lighting::Surfels;
+    let traced = (descriptor.senders == Senders::Pieces).then_some(&bounds);
+    let radiance = if is_lit {
+        Some(surfels::radiance(case, cloud, &camera, traced)?)
+    } else {
+        None
+    };
+    let materials = inputs::materials(case);
+    let count = case.random.count(0, 16).min(40);
+    let lights: Vec<_> = (0..count)
+        .map(|_| inputs::light(case, camera.eye()))
+        .collect();
+    let eye = camera.eye();
+    let camera = if case.random.chance(0.2) {
+        inputs::camera_at(case, viewport, eye)
+    } else {
+        camera
+    };
+    let is_glossy = descriptor.sampling == Sampling::Glossy;
+    let needs_albedo = descriptor.payload == Payload::Radiance && !is_glossy;
+    let gbuffer = inputs::gbuffer(case, &camera, needs_albedo);
+    let roughness = (is_glossy && !case.random.breaks()).then(|| roughness(case, viewport));
+    let roughness = roughness.as_ref().map(Part::slice);
+    let settings = settings(case);
+    let room = settings.directions.max(case.random.count(0, 64));
+    let view = tracer.create_view(device, viewport.width, viewport.height, room);
+    let view = case.accept(view)?;
+    let input = BouncedInput {
+        gbuffer: gbuffer.gbuffer(),
+        camera: &camera,
+        cloud,
+        bounds: &bounds,
+        radiance: radiance.as_ref(),
+        lighting: Some(HitLighting {
+            materials: &materials,
+            lights: &lights,
+        }),
+        roughness,
+        timestamps: case.timestamps(),
+    };
+    let done = tracer.record(device, &mut case.encoder, &input, &settings, &view);
+    case.accept(done)?;
+    case.texture("receivers", view.receivers().texture());
+    if let Some(blocked) = view.blocked() {
+        case.buffer("blocked", blocked, Kind::Bits);
+    }
+    if let Some(radiance) = view.radiance() {
+        case.texture("arriving", radiance.texture());
+    }
+    if let Some(statistics) = view.statistics() {
+        case.buffer("statistics", statistics, Kind::Bits);
+    }
+
+    let target_format = inputs::target_format(case);
+    let descriptor = HitReconstructorDescriptor {
+        payload: descriptor.payload,
+        sampling: descriptor.sampling,
+        deferred: case.usual("deferred", &[true, false]),
+        target: target_format,
+    };
+    let reconstructor = case.once(descriptor, |device| {
+        HitReconstructor::new(device, &descriptor, None)
+    })?;
+    let scratch = reconstructor.create_view(device, viewport.width, viewport.height);
+    let scratch = case.accept(scratch)?;
+    let target = inputs::target(
+        case,
+        target_format,
+        viewport,
+        TextureUsages::RENDER_ATTACHMENT,
+    );
+    let filter = HitReconstructorSettings {
+        radius: case.random.count(0, 16),
+        plane_distance: case.random.scale(f32::MIN_POSITIVE, f32::MAX),
+        normal_power: case.random.scale(8.0, 1000.0),
+        deviations: case.random.setting(0.0, 100.0),
+        f0: std::array::from_fn(|_| case.random.setting(0.0, 1.0)),
+    };
+    case.note("hit reconstructor", filter);
+    let input = HitReconstructorInput {
+        gbuffer: gbuffer.gbuffer(),
+        roughness,
+        camera: &camera,
+        cloud,
+        hits: &view,
+        traced: &settings,
+        target: target.slice(),
+        timestamps: case.timestamps(),
+    };
+    let done = reconstructor.record(device, &mut case.encoder, &input, &filter, &scratch);
+    case.accept(done)?;
+    case.texture("traced", &target.texture);
+    Some(())
+}

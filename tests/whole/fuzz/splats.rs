@@ -1,0 +1,205 @@
+//! Surfels splatted and reconstructed, on whole images and listed pixels.
+
+use deep_screen_space::{
+    AmbientOcclusion, Channels, ClusterInput, Effect, Overlap, Placement, Reconstructor,
+    ReconstructorInput, ReconstructorSettings, ShellSplatter, ShellSplatterDescriptor, SplatInput,
+    SplatSettings, SurfelClusters, Viewport,
+    wgpu::{Features, TextureUsages},
+};
+
+use super::{
+    case::{Case, Kind},
+    inputs::{self, OwnWork},
+    surfels::{self, Surfels},
+};
+
+/// Light that emitting surfaces send on, with all that an effect can ask for.
+const COLOR: &str = "
+fn max_distance(sender: Sender, epsilon: f32) -> f32 {
+  let brightest = max(max(sender.material.emission.x, sender.material.emission.y), sender.material.emission.z);
+  return sender.radius * sqrt(clamp(brightest / epsilon - 1.0, 0.0, 1e12));
+}
+fn contribution(sender: Sender, receiver_normal: vec3f, to_sender: vec3f, distance2: f32) -> vec3f {
+  let cosines = max(dot(receiver_normal, to_sender), 0.0) * abs(dot(sender.normal, to_sender));
+  let area = min(sender.radius * sender.radius, 1e18);
+  return clamp(sender.material.emission, vec3f(0.0), vec3f(1e4)) * (cosines / max(distance2, 1e-18)) *
+    (area / (distance2 + area + 1e-18));
+}
+fn resolve(sum: vec3f, albedo: vec3f) -> vec4f {
+  return vec4f(min(sum * albedo, vec3f(6e4)), 1.0);
+}
+";
+
+/// Effects that pipelines are made for.
+fn effect(case: &mut Case<'_>) -> Effect {
+    match case.usual("effect", &[0, 1, 2, 2]) {
+        0 => Effect {
+            label: "color".into(),
+            source: COLOR.into(),
+            channels: Channels::Three,
+            materials: true,
+            albedo: true,
+            two_sided: true,
+            own_surface: false,
+            constants: Vec::new(),
+        },
+        1 => AmbientOcclusion {
+            two_sided: true,
+            overlap: Overlap::Independent,
+            own_surface: true,
+        }
+        .effect(),
+        _ => AmbientOcclusion::default().effect(),
+    }
+}
+
+pub fn settings(case: &mut Case<'_>) -> SplatSettings {
+    let settings = SplatSettings {
+        levels: case.random.count(1, 8),
+        epsilon: case.random.scale(1e-12, 1e12),
+        radius: case.random.scale(0.0, f32::INFINITY),
+        unbounded: case.random.chance(0.5),
+        seed: case.random.count(0, 1 << 24),
+    };
+    case.note("splat", settings);
+    settings
+}
+
+/// A splatter, and clusters of a cloud.
+pub fn clusters(
+    case: &mut Case<'_>,
+    splatter: &ShellSplatter,
+    surfels: &Surfels,
+    settings: &SplatSettings,
+    materials: &deep_screen_space::wgpu::Buffer,
+) -> Option<SurfelClusters> {
+    let levels = settings.levels.max(case.random.count(1, 8));
+    let cloud = &surfels.cloud;
+    let clusters = splatter.create_clusters(case.device(), cloud, levels);
+    let mut clusters = case.accept(clusters)?;
+    let input = ClusterInput {
+        cloud,
+        materials: Some(materials),
+        timestamps: case.timestamps(),
+    };
+    let done = splatter.record_clusters(
+        case.device(),
+        &mut case.encoder,
+        &input,
+        settings,
+        &mut clusters,
+    );
+    case.accept(done)?;
+    Some(clusters)
+}
+
+pub fn splatter(case: &mut Case<'_>, effect: &Effect) -> Option<std::rc::Rc<ShellSplatter>> {
+    let able = case.device().features().contains(Features::SUBGROUP);
+    let variant = if case.random.breaks() {
+        2
+    } else {
+        case.usual("splatter", &[0, 1, 2, 3, 4])
+    };
+    let (subgroups, statistics) = (variant == 2 && (able || case.random.breaks()), variant == 0);
+    let key = (effect, subgroups, statistics);
+    case.once(key, |device| {
+        let descriptor = ShellSplatterDescriptor {
+            effect,
+            subgroups,
+            statistics,
+            cache: None,
+        };
+        ShellSplatter::new(device, &descriptor)
+    })
+}
+
+pub fn record(case: &mut Case<'_>) {
+    let _ = steps(case);
+}
+
+fn steps(case: &mut Case<'_>) -> Option<()> {
+    let device = case.device();
+    let camera = inputs::camera(case);
+    let viewport = camera.viewport();
+    let placements = [Placement::Centroid, Placement::Random, Placement::Grid];
+    let surfels = surfels::record(case, &camera, &placements)?;
+    let cloud = &surfels.cloud;
+    if case.random.chance(0.4) {
+        surfels::radiance(case, cloud, &camera, None);
+    }
+    let effect = effect(case);
+    let splatter = splatter(case, &effect)?;
+    let materials = inputs::materials(case);
+    let settings = settings(case);
+    let clusters = clusters(case, &splatter, &surfels, &settings, &materials)?;
+    // Another eye, not far off.
+    let camera = if case.random.chance(0.2) {
+        inputs::camera_at(case, viewport, camera.eye())
+    } else {
+        camera
+    };
+    let gbuffer = inputs::gbuffer(case, &camera, effect.albedo);
+    let work = case
+        .random
+        .chance(0.3)
+        .then(|| OwnWork::new(case, viewport));
+    let work = work.as_ref().map(OwnWork::list);
+    let level = work.as_ref().map_or(0, |work| work.level.min(31));
+    let [width, height] = [viewport.width, viewport.height].map(|n| n.div_ceil(1 << level));
+    let levels = settings.levels.max(case.random.count(1, 8));
+    let sums = splatter.create_view(device, width, height, levels);
+    let sums = case.accept(sums)?;
+    let input = SplatInput {
+        gbuffer: gbuffer.gbuffer(),
+        camera: &camera,
+        cloud,
+        clusters: &clusters,
+        materials: Some(&materials),
+        work,
+        timestamps: case.timestamps(),
+    };
+    let done = splatter.record(device, &mut case.encoder, &input, &settings, &sums);
+    case.accept(done)?;
+    case.texture("sums", sums.sums().texture());
+    case.texture("receivers", sums.receivers().texture());
+    if let Some(statistics) = sums.statistics() {
+        case.buffer("statistics", statistics, Kind::Bits);
+    }
+
+    let splatted = settings.levels;
+    let format = inputs::target_format(case);
+    let reconstructor = case.once((&effect, format), |device| {
+        Reconstructor::new(device, &effect, format, None)
+    })?;
+    let scratch = reconstructor.create_view(device, width, height, levels);
+    let scratch = case.accept(scratch)?;
+    let written = match work {
+        Some(_) => Viewport::full(width, height),
+        None => viewport,
+    };
+    let target = inputs::target(case, format, written, TextureUsages::RENDER_ATTACHMENT);
+    let settings = ReconstructorSettings {
+        radius: case.random.setting(0.0, 8.0),
+        plane_distance: case.random.scale(f32::MIN_POSITIVE, f32::MAX),
+        normal_power: case.random.scale(8.0, 1000.0),
+    };
+    case.note("reconstructor", settings);
+    let input = ReconstructorInput {
+        gbuffer: gbuffer.gbuffer(),
+        camera: &camera,
+        cloud,
+        sums: &sums,
+        levels: if case.random.breaks() {
+            case.random.one_of(&[0, levels + 1])
+        } else {
+            splatted
+        },
+        sub_image: work.map(|work| work.level),
+        target: target.slice(),
+        timestamps: case.timestamps(),
+    };
+    let done = reconstructor.record(device, &mut case.encoder, &input, &settings, &scratch);
+    case.accept(done)?;
+    case.texture("splatted", &target.texture);
+    Some(())
+}

@@ -1,0 +1,9 @@
+//! The passes together: whole pictures against ray tracing, extremes, misuse, and what is drawn at random.
+
+mod extremes;
+mod frames;
+mod fuzz;
+mod misuse;
+mod near_extremes;
+mod odd_cameras;
+mod truth;
