@@ -2,11 +2,12 @@
 //! far disks are from the surfaces that they stand for.
 
 use std::collections::BTreeSet;
+use support::testing::pipelines;
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Camera,
     CloudCapacity, DiskSettings, Error, Geometry, Merge, Payload, Placement, Sampling, Senders,
-    Surfel, SurfelCloud, SurfelCounts, SurfelRadiance, SurfelSource, Surfelizer, SurfelizerInput,
+    Surfel, SurfelCloud, SurfelCounts, SurfelRadiance, SurfelSource, SurfelizerInput,
     SurfelizerSettings, Viewport,
     glam::DVec3,
     reference::{
@@ -23,14 +24,7 @@ use deep_screen_space::{
 };
 use rayon::prelude::*;
 use support::testing::shot::{Shot, camera_of};
-use support::{
-    gpu::{Ask, Gpu},
-    raster::perspective,
-};
-
-fn gpu() -> Gpu {
-    Gpu::open(Ask::from_env()).expect("a graphics adapter; scripts/test.sh installs one")
-}
+use support::{gpu::Gpu, raster::perspective};
 
 fn shot(gpu: &Gpu, name: &str, view: usize, size: [u32; 2]) -> Shot {
     let scene = scenes::by_name(name).expect("a scene");
@@ -44,7 +38,7 @@ struct Cloud {
 }
 
 fn cloud_of(gpu: &Gpu, shot: &Shot, settings: &SurfelizerSettings) -> Cloud {
-    let surfelizer = Surfelizer::new(&gpu.device, None).expect("pipelines");
+    let surfelizer = pipelines::surfelizer();
     let capacity = CloudCapacity {
         surfels: 1 << 17,
         pieces: 1 << 17,
@@ -98,13 +92,13 @@ fn surfels(radius_pixels: f32, placement: Placement) -> SurfelizerSettings {
 }
 
 /// Pipelines of one kind.
-fn pass(gpu: &Gpu, payload: Payload, senders: Senders) -> BouncedZBuffer {
+fn pass(payload: Payload, senders: Senders) -> &'static BouncedZBuffer {
     let descriptor = BouncedDescriptor {
         payload,
         senders,
         ..BouncedDescriptor::default()
     };
-    BouncedZBuffer::new(&gpu.device, &descriptor, None).expect("pipelines")
+    pipelines::bounced(&descriptor)
 }
 
 fn trace(
@@ -250,17 +244,17 @@ fn compare(gpu: &Gpu, shot: &Shot, cloud: &Cloud, levels: u32, settings: &Bounce
     let senders = Senders::Disks { levels };
     let inputs = format!("{} disks, {levels} levels, {settings:?}", cloud.disks.len());
     let radiance = radiance_of_indices(gpu, cloud.cloud.capacity().surfels);
-    let by_radiance = pass(gpu, Payload::Radiance, senders);
+    let by_radiance = pass(Payload::Radiance, senders);
     let colors = trace(
         gpu,
         shot,
         &cloud.cloud,
-        &by_radiance,
+        by_radiance,
         settings,
         Some(&radiance),
     );
-    let by_occlusion = pass(gpu, Payload::Occlusion, senders);
-    let bits = trace(gpu, shot, &cloud.cloud, &by_occlusion, settings, None);
+    let by_occlusion = pass(Payload::Occlusion, senders);
+    let bits = trace(gpu, shot, &cloud.cloud, by_occlusion, settings, None);
 
     let receivers = receivers(gpu, &colors);
     let all_hits = surfels_hit(gpu, &colors, settings);
@@ -317,7 +311,7 @@ fn compare(gpu: &Gpu, shot: &Shot, cloud: &Cloud, levels: u32, settings: &Bounce
 
 #[test]
 fn hits_match_the_mirror() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let disks = |shell_radii, merge, seed| DiskSettings {
         shell_radii,
         merge,
@@ -379,10 +373,10 @@ fn hits_match_the_mirror() {
             },
         ),
     ] {
-        let shot = shot(&gpu, name, view, size);
-        let cloud = cloud_of(&gpu, &shot, &surfels(radius_pixels, placement));
+        let shot = shot(gpu, name, view, size);
+        let cloud = cloud_of(gpu, &shot, &surfels(radius_pixels, placement));
         print!("{name}: ");
-        compare(&gpu, &shot, &cloud, levels, &bounced);
+        compare(gpu, &shot, &cloud, levels, &bounced);
     }
 }
 
@@ -418,14 +412,14 @@ fn pixels_find_the_sub_buffer_that_has_them() {
 /// else; and of those in reach all are met by some pixel.
 #[test]
 fn every_surfel_is_in_one_sub_buffer_a_level() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     // A roof of few surfels over the floor that is seen: each is met from many pixels.
     let mut mesh = Vec::new();
     for i in 0..64 {
         let [x, z] = [i % 8, i / 8].map(|i| (f64::from(i) - 3.5) * 0.5);
         mesh.push((DVec3::new(x, 1.0, z), 0.2));
     }
-    let (shot, cloud) = over_a_floor(&gpu, &mesh, 32);
+    let (shot, cloud) = over_a_floor(gpu, &mesh, 32);
     for levels in 1..=4 {
         let disks = DiskSettings {
             shell_radii: 1e-9,
@@ -434,11 +428,11 @@ fn every_surfel_is_in_one_sub_buffer_a_level() {
         };
         let settings = settings(64, disks);
         let level = levels - 1;
-        let pass = pass(&gpu, Payload::Radiance, Senders::Disks { levels });
-        let radiance = radiance_of_indices(&gpu, cloud.cloud.capacity().surfels);
-        let view = trace(&gpu, &shot, &cloud.cloud, &pass, &settings, Some(&radiance));
+        let pass = pass(Payload::Radiance, Senders::Disks { levels });
+        let radiance = radiance_of_indices(gpu, cloud.cloud.capacity().surfels);
+        let view = trace(gpu, &shot, &cloud.cloud, pass, &settings, Some(&radiance));
         let mut met = BTreeSet::new();
-        for (i, hit) in surfels_hit(&gpu, &view, &settings).iter().enumerate() {
+        for (i, hit) in surfels_hit(gpu, &view, &settings).iter().enumerate() {
             if let Some((surfel, _)) = hit {
                 let pixel = i as u32 / settings.directions;
                 let pixel = [pixel % view.size()[0], pixel / view.size()[0]];
@@ -526,11 +520,11 @@ fn over_a_floor(gpu: &Gpu, triangles: &[(DVec3, f64)], pixels: u32) -> (Shot, Cl
 /// though farther, on level 0: "the finest level wins" takes the far one, and for a radius between the two finds nothing.
 #[test]
 fn the_finest_level_may_hide_the_nearest_hit() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     // Four times the small one, so that each sub-buffer of level 1 has it.
     let small = (DVec3::Y * 2.0, 0.6);
     let large = (DVec3::Y * 4.0, 3.0);
-    let (shot, cloud) = over_a_floor(&gpu, &[small, small, small, small, large], 16);
+    let (shot, cloud) = over_a_floor(gpu, &[small, small, small, small, large], 16);
     let levels = 2;
     let run = |merge, radius| {
         let disks = DiskSettings {
@@ -543,20 +537,13 @@ fn the_finest_level_may_hide_the_nearest_hit() {
             ..settings(16, disks)
         };
         let senders = Senders::Disks { levels };
-        let radiance = radiance_of_indices(&gpu, cloud.cloud.capacity().surfels);
-        let colors = pass(&gpu, Payload::Radiance, senders);
-        let colors = trace(
-            &gpu,
-            &shot,
-            &cloud.cloud,
-            &colors,
-            &settings,
-            Some(&radiance),
-        );
-        let bits = pass(&gpu, Payload::Occlusion, senders);
-        let bits = trace(&gpu, &shot, &cloud.cloud, &bits, &settings, None);
-        let hits = surfels_hit(&gpu, &colors, &settings);
-        for (i, (hit, bit)) in hits.iter().zip(blocked(&gpu, &bits, &settings)).enumerate() {
+        let radiance = radiance_of_indices(gpu, cloud.cloud.capacity().surfels);
+        let colors = pass(Payload::Radiance, senders);
+        let colors = trace(gpu, &shot, &cloud.cloud, colors, &settings, Some(&radiance));
+        let bits = pass(Payload::Occlusion, senders);
+        let bits = trace(gpu, &shot, &cloud.cloud, bits, &settings, None);
+        let hits = surfels_hit(gpu, &colors, &settings);
+        for (i, (hit, bit)) in hits.iter().zip(blocked(gpu, &bits, &settings)).enumerate() {
             assert_eq!(
                 Some(hit.is_some()),
                 bit,
@@ -596,19 +583,19 @@ fn share(rays: &[Option<bool>], of: bool) -> f64 {
 /// pass between them.
 #[test]
 fn closed_rooms_leak_through_disks_and_not_through_pieces() {
-    let gpu = gpu();
-    let shot = shot(&gpu, "closed_room", 0, [48, 36]);
+    let gpu = pipelines::gpu();
+    let shot = shot(gpu, "closed_room", 0, [48, 36]);
     let bounced = settings(16, DiskSettings::default());
-    let pieces = pass(&gpu, Payload::Occlusion, Senders::Pieces);
+    let pieces = pass(Payload::Occlusion, Senders::Pieces);
     for placement in [Placement::Random, Placement::Centroid] {
-        let cloud = cloud_of(&gpu, &shot, &surfels(2.0, placement)).cloud;
-        let exact = trace(&gpu, &shot, &cloud, &pieces, &bounced, None);
-        let exact = share(&blocked(&gpu, &exact, &bounced), false);
+        let cloud = cloud_of(gpu, &shot, &surfels(2.0, placement)).cloud;
+        let exact = trace(gpu, &shot, &cloud, pieces, &bounced, None);
+        let exact = share(&blocked(gpu, &exact, &bounced), false);
         assert_eq!(exact, 0.0, "{placement:?}");
         for levels in [1, 5] {
-            let disks = pass(&gpu, Payload::Occlusion, Senders::Disks { levels });
-            let view = trace(&gpu, &shot, &cloud, &disks, &bounced, None);
-            let leaks = share(&blocked(&gpu, &view, &bounced), false);
+            let disks = pass(Payload::Occlusion, Senders::Disks { levels });
+            let view = trace(gpu, &shot, &cloud, disks, &bounced, None);
+            let leaks = share(&blocked(gpu, &view, &bounced), false);
             println!(
                 "{placement:?}, {levels} levels: {:.1} % escape",
                 100.0 * leaks
@@ -653,19 +640,19 @@ fn errors(found: &[bool], truth: &[bool], directions: usize) -> [f64; 3] {
 /// the share of the surface that they leave bare, whatever their size.
 #[test]
 fn smaller_disks_block_less_that_is_open() {
-    let gpu = gpu();
-    let shot = shot(&gpu, "cornell", 1, [64, 48]);
-    let pass = pass(&gpu, Payload::Occlusion, Senders::Disks { levels: 1 });
+    let gpu = pipelines::gpu();
+    let shot = shot(gpu, "cornell", 1, [64, 48]);
+    let pass = pass(Payload::Occlusion, Senders::Disks { levels: 1 });
     let bounced = settings(16, DiskSettings::default());
     for placement in [Placement::Centroid, Placement::Random] {
         let [coarse, fine] = [4.0, 0.7].map(|radius_pixels| {
-            let cloud = cloud_of(&gpu, &shot, &surfels(radius_pixels, placement));
-            let view = trace(&gpu, &shot, &cloud.cloud, &pass, &bounced, None);
-            let found: Vec<bool> = blocked(&gpu, &view, &bounced)
+            let cloud = cloud_of(gpu, &shot, &surfels(radius_pixels, placement));
+            let view = trace(gpu, &shot, &cloud.cloud, pass, &bounced, None);
+            let found: Vec<bool> = blocked(gpu, &view, &bounced)
                 .into_iter()
                 .flatten()
                 .collect();
-            let rays = rays(&receivers(&gpu, &view), &shot.camera, &bounced);
+            let rays = rays(&receivers(gpu, &view), &shot.camera, &bounced);
             let truth = traced(&shot, &rays, f32::INFINITY);
             let errors = errors(&found, &truth, 16);
             println!(
@@ -683,7 +670,7 @@ fn smaller_disks_block_less_that_is_open() {
 
 #[test]
 fn what_does_not_fit_is_a_typed_error() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let device = &gpu.device;
     for levels in [0, 9, u32::MAX] {
         let descriptor = BouncedDescriptor {
@@ -732,14 +719,14 @@ fn what_does_not_fit_is_a_typed_error() {
         }
     }
 
-    let shot = shot(&gpu, "cornell", 0, [8, 8]);
-    let cloud = cloud_of(&gpu, &shot, &surfels(4.0, Placement::Random)).cloud;
+    let shot = shot(gpu, "cornell", 0, [8, 8]);
+    let cloud = cloud_of(gpu, &shot, &surfels(4.0, Placement::Random)).cloud;
     let kinds = [
         Senders::Pieces,
         Senders::Disks { levels: 2 },
         Senders::Disks { levels: 3 },
     ];
-    let passes = kinds.map(|senders| pass(&gpu, Payload::Occlusion, senders));
+    let passes = kinds.map(|senders| pass(Payload::Occlusion, senders));
     for (pass, senders) in passes.iter().zip(kinds) {
         let view = pass.create_view(device, 8, 8, 1).expect("a view");
         for (other, of) in passes.iter().zip(kinds) {
@@ -783,15 +770,15 @@ fn what_does_not_fit_is_a_typed_error() {
 /// An empty cloud, and a cloud of one disk, on all numbers of levels.
 #[test]
 fn few_surfels_are_no_trouble() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let disk = (DVec3::Y, 0.5);
     for (count, expected) in [(0, false), (1, true), (5, true)] {
-        let (shot, cloud) = over_a_floor(&gpu, &vec![disk; count], 8);
+        let (shot, cloud) = over_a_floor(gpu, &vec![disk; count], 8);
         for levels in 1..=8 {
-            let pass = pass(&gpu, Payload::Occlusion, Senders::Disks { levels });
+            let pass = pass(Payload::Occlusion, Senders::Disks { levels });
             let bounced = settings(16, DiskSettings::default());
-            let view = trace(&gpu, &shot, &cloud.cloud, &pass, &bounced, None);
-            let blocked = share(&blocked(&gpu, &view, &bounced), true);
+            let view = trace(gpu, &shot, &cloud.cloud, pass, &bounced, None);
+            let blocked = share(&blocked(gpu, &view, &bounced), true);
             assert_eq!(
                 blocked > 0.0,
                 expected,

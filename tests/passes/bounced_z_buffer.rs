@@ -1,11 +1,11 @@
 //! The `BouncedZBuffer`: directions by themselves, GPU against the f64 mirror, nothing that leaks, and typed errors.
 
 use std::f64::consts::PI;
+use support::testing::pipelines;
 
 use deep_screen_space::{
-    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Camera,
-    CloudCapacity, Error, Payload, Placement, Sampling, SurfelRadiance, SurfelizerSettings,
-    Timestamps, Viewport,
+    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, Camera, CloudCapacity, Error,
+    Payload, Placement, Sampling, SurfelRadiance, SurfelizerSettings, Timestamps, Viewport,
     glam::{DMat4, DVec2, DVec3, DVec4},
     reference::{
         bounced_z_buffer::{Senders, Tracing},
@@ -115,7 +115,7 @@ fn compare_colors(
 }
 
 fn shot_of(scene: &Scene, view: usize, size: [u32; 2]) -> Shot {
-    Shot::new(&lab().gpu, scene, &camera_of(scene, view, size))
+    Shot::new(lab().gpu, scene, &camera_of(scene, view, size))
 }
 
 fn senders_of(shot: &Shot, settings: &SurfelizerSettings) -> rays::Senders {
@@ -278,7 +278,7 @@ fn cameras_of_all_kinds() {
         ("one pixel", look(eye, lens, Viewport::full(1, 1)), own),
         ("one row", look(eye, lens, Viewport::full(53, 1)), own),
     ] {
-        let shot = Shot::new(&lab().gpu, &scene, &camera);
+        let shot = Shot::new(lab().gpu, &scene, &camera);
         let meshes = shot.buffers.meshes();
         let senders = lab().senders(&meshes, &of_cloud, &triangles(), AMPLE);
         for sampling in SAMPLINGS {
@@ -360,7 +360,7 @@ fn stale_pieces_are_not_hit() {
     };
     for count in [65, 64, 63, 17, 16, 15, 5, 4, 3, 1] {
         let scene = scene_of(&row(count), &base);
-        let buffers = SceneBuffers::new(&lab.gpu, &scene);
+        let buffers = SceneBuffers::new(lab.gpu, &scene);
         lab.record_senders(&mut senders, &buffers.meshes(), &shot.camera, &triangles());
         assert!(senders.counts.pieces >= count as u32);
         let name = format!("{count} triangles after many");
@@ -411,7 +411,7 @@ fn no_ray_escapes() {
             camera_of(&scene, 1, [40, 40]),
         ];
         for (index, camera) in cameras.iter().enumerate() {
-            let shot = Shot::new(&lab().gpu, &scene, camera);
+            let shot = Shot::new(lab().gpu, &scene, camera);
             let sizes = [4.0, 1.0, 50.0];
             // Larger pieces than triangles or smaller ones are the same at any scale.
             for &radius_pixels in &sizes[..if scale == 1.0 && shift == DVec3::ZERO {
@@ -454,7 +454,7 @@ fn no_ray_escapes_whole_triangles() {
     for (name, capacity) in [("rays alone", alone), ("merged", tight)] {
         for view in 0..2 {
             let camera = camera_of(&room, view, [40, 40]);
-            let shot = Shot::new(&lab().gpu, &room, &camera);
+            let shot = Shot::new(lab().gpu, &room, &camera);
             let senders =
                 lab().senders(&shot.buffers.meshes(), &shot.camera, &triangles(), capacity);
             let (escaped, rays) = escaped(&shot, &senders, &settings(36));
@@ -497,7 +497,7 @@ fn huge_triangles_are_as_exact_as_small_ones() {
             Viewport::full(40, 40),
         )
         .expect("a camera");
-        let shot = Shot::new(&lab.gpu, &scene, &camera);
+        let shot = Shot::new(lab.gpu, &scene, &camera);
         let capacity = CloudCapacity {
             surfels: 0,
             ..AMPLE
@@ -550,7 +550,7 @@ fn no_ray_escapes_at_an_edge() {
                 Viewport::full(32, 32),
             )
             .expect("a camera");
-            let shot = Shot::new(&lab().gpu, &scene, &camera);
+            let shot = Shot::new(lab().gpu, &scene, &camera);
             let senders = senders_of(&shot, &triangles());
             let (escaped, all) = escaped(&shot, &senders, &settings(16));
             println!("scale {scale}, step {step}: {escaped} of {all}");
@@ -597,7 +597,7 @@ fn convex_bodies_do_not_hit_themselves() {
         )
         .expect("a camera");
         let scene = scene_of(&ball(48), &base);
-        let shot = Shot::new(&lab().gpu, &scene, &camera);
+        let shot = Shot::new(lab().gpu, &scene, &camera);
         let senders = senders_of(&shot, &triangles());
         let (open, rays) = escaped(&shot, &senders, &settings(16));
         let blocked = rays - open;
@@ -659,7 +659,7 @@ fn touching_and_coplanar_surfaces() {
             Viewport::full(40, 40),
         )
         .expect("a camera");
-        let shot = Shot::new(&lab().gpu, &scene, &camera);
+        let shot = Shot::new(lab().gpu, &scene, &camera);
         let senders = senders_of(&shot, &triangles());
         let odd = compare(name, &shot, &senders, &settings(16), Sampling::Cosine);
         assert!(odd <= ODD_RAYS, "{name}: {odd}");
@@ -700,7 +700,7 @@ fn statistics_count() {
         ..BouncedDescriptor::default()
     };
     let device = &lab.gpu.device;
-    let tracer = BouncedZBuffer::new(device, &descriptor, None).expect("pipelines");
+    let tracer = pipelines::bounced(&descriptor);
     let view = tracer.create_view(device, 24, 24, 16).expect("a view");
     let input = BouncedInput {
         lighting: None,

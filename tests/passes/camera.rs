@@ -4,6 +4,7 @@
 #![allow(clippy::float_cmp)]
 
 use std::f64::consts::FRAC_PI_3;
+use support::testing::pipelines;
 
 use NormalEncoding::{Octahedral, OctahedralUnsigned, Signed, Unsigned};
 use deep_screen_space::{
@@ -18,13 +19,9 @@ use deep_screen_space::{
     reference::{packing::octahedral_from, receivers::Decoder, shell_splatter::Receiver},
     wgpu::{self, TextureFormat as Format, TextureUsages},
 };
-use support::gpu::{Ask, Gpu};
+use support::gpu::Gpu;
 use support::testing::passes::{Passes, descriptor, receivers, texture};
 use support::testing::refusals::refused;
-
-fn gpu() -> Gpu {
-    Gpu::open(Ask::from_env()).expect("a graphics adapter; scripts/test.sh installs one")
-}
 
 /// 0 ≤ x < 1, the same for the same inputs.
 fn random(a: u32, b: u32) -> f64 {
@@ -413,8 +410,8 @@ fn depths(case: &Case, camera: &Camera) -> (Vec<Option<f64>>, Vec<f32>, [u32; 2]
 
 #[test]
 fn receivers_are_where_the_camera_says() {
-    let gpu = gpu();
-    let mut passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), 1);
+    let gpu = pipelines::gpu();
+    let mut passes = Passes::new(gpu, &AmbientOcclusion::default().effect(), 1);
     for case in cases() {
         for size in SIZES {
             let camera = case.camera(size);
@@ -428,7 +425,7 @@ fn receivers_are_where_the_camera_says() {
             )
             .and_then(|camera| camera.with_focus(origin))
             .expect("a camera");
-            passes.emit(&gpu, &cloud_camera, &[DVec3::X], 1);
+            passes.emit(gpu, &cloud_camera, &[DVec3::X], 1);
             let (inside, all, texture) = depths(&case, &camera);
             let normals: Vec<[f32; 4]> = (0..all.len() as u32)
                 .map(|i| direction(i).as_vec3().extend(0.0).to_array())
@@ -443,7 +440,7 @@ fn receivers_are_where_the_camera_says() {
                 normal_space: NormalSpace::World,
                 albedo: None,
             };
-            let view = passes.splat(&gpu, gbuffer, &camera).expect(case.name);
+            let view = passes.splat(gpu, gbuffer, &camera).expect(case.name);
             let decoder = Decoder {
                 camera: &camera,
                 origin,
@@ -451,7 +448,7 @@ fn receivers_are_where_the_camera_says() {
                 normal_encoding: NormalEncoding::Signed,
                 normal_space: NormalSpace::World,
             };
-            let found = receivers(&gpu, &view);
+            let found = receivers(gpu, &view);
             for (i, (&found, depth)) in (0..).zip(found.iter().zip(&inside)) {
                 let pixel = [i % size[0], i / size[0]];
                 let at = (pixel[1] + case.corner[1]) * width + pixel[0] + case.corner[0];
@@ -585,8 +582,8 @@ fn draw_depth(
 
 #[test]
 fn every_depth_format_is_read() {
-    let gpu = gpu();
-    let mut passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), 1);
+    let gpu = pipelines::gpu();
+    let mut passes = Passes::new(gpu, &AmbientOcclusion::default().effect(), 1);
     let mut formats = vec![
         Format::Depth16Unorm,
         Format::Depth24Plus,
@@ -612,7 +609,7 @@ fn every_depth_format_is_read() {
         for projection in projections {
             let case = Case::new("formats", projection);
             let camera = case.camera(size);
-            passes.emit(&gpu, &camera, &[DVec3::X], 1);
+            passes.emit(gpu, &camera, &[DVec3::X], 1);
             let (inside, mut all, _) = depths(&case, &camera);
             if format == Format::Depth16Unorm {
                 // As the texture will hold it.
@@ -620,7 +617,7 @@ fn every_depth_format_is_read() {
                     *depth = (f64::from(*depth) * 65535.0).round() as f32 / 65535.0;
                 }
             }
-            let depth = draw_depth(&gpu, format, size, &all);
+            let depth = draw_depth(gpu, format, size, &all);
             let texels = vec![[0.0, 0.0, 1.0, 0.0_f32]; all.len()];
             let normal = gpu.texture(Format::Rgba32Float, size[0], size[1], &texels);
             let gbuffer = GBuffer {
@@ -630,9 +627,7 @@ fn every_depth_format_is_read() {
                 normal_space: NormalSpace::View,
                 albedo: None,
             };
-            let view = passes
-                .splat(&gpu, gbuffer, &camera)
-                .expect("a depth format");
+            let view = passes.splat(gpu, gbuffer, &camera).expect("a depth format");
             let decoder = Decoder {
                 camera: &camera,
                 origin: camera.focus(),
@@ -641,7 +636,7 @@ fn every_depth_format_is_read() {
                 normal_space: NormalSpace::View,
             };
             let mut seen = 0;
-            for (i, &found) in (0..).zip(&receivers(&gpu, &view)) {
+            for (i, &found) in (0..).zip(&receivers(gpu, &view)) {
                 let pixel = [i % size[0], i / size[0]];
                 let stored = f64::from(all[i as usize]);
                 let background = f64::from(camera.background_depth());
@@ -721,8 +716,8 @@ fn half(v: f64) -> (u16, f64) {
 
 #[test]
 fn every_normal_encoding_is_read() {
-    let gpu = gpu();
-    let mut passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), 1);
+    let gpu = pipelines::gpu();
+    let mut passes = Passes::new(gpu, &AmbientOcclusion::default().effect(), 1);
     let case = Case {
         up: DVec3::new(0.8, 0.5, 0.1),
         ..Case::new(
@@ -732,7 +727,7 @@ fn every_normal_encoding_is_read() {
     };
     let size = [31, 17];
     let camera = case.camera(size);
-    passes.emit(&gpu, &camera, &[DVec3::X], 1);
+    passes.emit(gpu, &camera, &[DVec3::X], 1);
     let depth = gpu.texture(Format::R32Float, size[0], size[1], &vec![0.02_f32; 31 * 17]);
     // How far off a unit vector each format's rounding may leave a component, doubled where 0…1 stands for −1…1 and
     // doubled again by the octahedron's stretch; three components.
@@ -774,7 +769,7 @@ fn every_normal_encoding_is_read() {
                 albedo: None,
             };
             let view = passes
-                .splat(&gpu, gbuffer, &camera)
+                .splat(gpu, gbuffer, &camera)
                 .expect("a normal format");
             let decoder = Decoder {
                 camera: &camera,
@@ -783,7 +778,7 @@ fn every_normal_encoding_is_read() {
                 normal_encoding: encoding,
                 normal_space: space,
             };
-            for (i, &found) in (0..).zip(&receivers(&gpu, &view)) {
+            for (i, &found) in (0..).zip(&receivers(gpu, &view)) {
                 let pixel = [i % size[0], i / size[0]];
                 let inputs = format!("{format:?}, {encoding:?}, {space:?}");
                 let texel = texels[i as usize];
@@ -810,8 +805,8 @@ fn every_normal_encoding_is_read() {
 
 #[test]
 fn normals_without_a_direction_face_the_eye() {
-    let gpu = gpu();
-    let mut passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), 1);
+    let gpu = pipelines::gpu();
+    let mut passes = Passes::new(gpu, &AmbientOcclusion::default().effect(), 1);
     let (nan, inf) = (f32::NAN, f32::INFINITY);
     let none = [
         [0.0, 0.0, 0.0],
@@ -841,7 +836,7 @@ fn normals_without_a_direction_face_the_eye() {
         right::perspective_infinite_reverse(1.0, 1.0, 0.1),
     );
     let camera = case.camera(size);
-    passes.emit(&gpu, &camera, &[DVec3::X], 1);
+    passes.emit(gpu, &camera, &[DVec3::X], 1);
     let depth = gpu.texture(Format::R32Float, size[0], 1, &vec![0.02_f32; all.len()]);
     let normal = gpu.texture(Format::Rgba32Float, size[0], 1, &texels);
     for normal_space in [NormalSpace::World, NormalSpace::View] {
@@ -852,8 +847,8 @@ fn normals_without_a_direction_face_the_eye() {
             normal_space,
             albedo: None,
         };
-        let view = passes.splat(&gpu, gbuffer, &camera).expect("a G-buffer");
-        for (i, found) in (0_u32..).zip(receivers(&gpu, &view)) {
+        let view = passes.splat(gpu, gbuffer, &camera).expect("a G-buffer");
+        for (i, found) in (0_u32..).zip(receivers(gpu, &view)) {
             let texel = DVec3::from(all[i as usize].map(f64::from));
             let found = found.expect("no sky");
             let to_eye = -camera
@@ -881,8 +876,8 @@ fn normals_without_a_direction_face_the_eye() {
 
 #[test]
 fn depths_that_no_camera_gives_are_sky_or_finite() {
-    let gpu = gpu();
-    let mut passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), 1);
+    let gpu = pipelines::gpu();
+    let mut passes = Passes::new(gpu, &AmbientOcclusion::default().effect(), 1);
     let depths = [
         f32::NAN,
         f32::INFINITY,
@@ -910,7 +905,7 @@ fn depths_that_no_camera_gives_are_sky_or_finite() {
             ..case
         };
         let camera = case.camera(size);
-        passes.emit(&gpu, &camera, &[DVec3::X], 1);
+        passes.emit(gpu, &camera, &[DVec3::X], 1);
         let gbuffer = GBuffer {
             depth: depth.texture().into(),
             normal: normal.texture().into(),
@@ -918,8 +913,8 @@ fn depths_that_no_camera_gives_are_sky_or_finite() {
             normal_space: NormalSpace::World,
             albedo: None,
         };
-        let view = passes.splat(&gpu, gbuffer, &camera).expect("a G-buffer");
-        for (depth, found) in depths.iter().zip(receivers(&gpu, &view)) {
+        let view = passes.splat(gpu, gbuffer, &camera).expect("a G-buffer");
+        for (depth, found) in depths.iter().zip(receivers(gpu, &view)) {
             let inputs = format!("{}, depth {depth}: {found:?}", case.name);
             if let Some(found) = found {
                 let farthest = found.position.abs().max_element();
@@ -942,7 +937,7 @@ fn depths_that_no_camera_gives_are_sky_or_finite() {
 
 /// What is refused of a G-buffer that is good but for one view.
 struct Checks {
-    gpu: Gpu,
+    gpu: &'static Gpu,
     depth: wgpu::TextureView,
     normal: wgpu::TextureView,
 }
@@ -952,10 +947,10 @@ impl Checks {
     const VIEWPORT: Viewport = Viewport::full(8, 8);
 
     fn new() -> Self {
-        let gpu = gpu();
+        let gpu = pipelines::gpu();
         let checks = Self {
-            depth: Self::plain(&gpu, Format::Depth32Float),
-            normal: Self::plain(&gpu, Format::Rgba16Float),
+            depth: Self::plain(gpu, Format::Depth32Float),
+            normal: Self::plain(gpu, Format::Rgba16Float),
             gpu,
         };
         checks.good().validate(Self::VIEWPORT).expect("it fits");
@@ -988,7 +983,7 @@ fn formats_that_do_not_fit_are_refused() {
         Format::R32Uint,
         Format::Stencil8,
     ] {
-        let depth = Checks::plain(&checks.gpu, format);
+        let depth = Checks::plain(checks.gpu, format);
         let bad = GBuffer {
             depth: depth.texture().into(),
             ..good
@@ -1015,7 +1010,7 @@ fn formats_that_do_not_fit_are_refused() {
         (Format::Rg8Uint, OctahedralUnsigned),
         (Format::Depth32Float, Signed),
     ] {
-        let normal = Checks::plain(&checks.gpu, format);
+        let normal = Checks::plain(checks.gpu, format);
         let bad = GBuffer {
             normal: normal.texture().into(),
             normal_encoding: encoding,
@@ -1029,7 +1024,7 @@ fn formats_that_do_not_fit_are_refused() {
         );
     }
     for format in [Format::R8Unorm, Format::Rgba8Uint, Format::Rg16Float] {
-        let albedo = Checks::plain(&checks.gpu, format);
+        let albedo = Checks::plain(checks.gpu, format);
         let bad = GBuffer {
             albedo: Some(albedo.texture().into()),
             ..good

@@ -1,6 +1,7 @@
 //! Glossy lobes: sample, density and value against each other, against closed forms, and the GPU against its mirror.
 
 use std::f64::consts::{LN_2, PI, TAU};
+use support::testing::pipelines;
 
 use deep_screen_space::{
     glam::{DVec2, DVec3},
@@ -9,7 +10,7 @@ use deep_screen_space::{
         hashing::{hash2, unit_float},
     },
 };
-use support::gpu::{Ask, Gpu};
+use support::gpu::Gpu;
 
 const ROUGHNESSES: [f64; 6] = [0.0, 1e-3, 0.1, 0.3, 0.5, 1.0];
 /// Cosines of the view, down to the least that a lobe admits.
@@ -306,7 +307,7 @@ fn wide(v: [f32; 3]) -> DVec3 {
 
 #[test]
 fn gpu_is_its_mirror() {
-    let gpu = Gpu::open(Ask::from_env()).expect("a graphics adapter");
+    let gpu = pipelines::gpu();
     let normals = [
         DVec3::Z,
         DVec3::NEG_Z,
@@ -327,7 +328,7 @@ fn gpu_is_its_mirror() {
             }
         }
     }
-    let found = evaluate(&gpu, &inputs);
+    let found = evaluate(gpu, &inputs);
     for (input, found) in inputs.iter().zip(&found) {
         let normal = wide(input.normal).normalize();
         let lobe = Lobe::new(normal, wide(input.to_eye), f64::from(input.roughness));
@@ -394,7 +395,7 @@ fn gpu_is_its_mirror() {
 
 #[test]
 fn extremes_stay_finite() {
-    let gpu = Gpu::open(Ask::from_env()).expect("a graphics adapter");
+    let gpu = pipelines::gpu();
     let normal = DVec3::new(0.3, -0.5, 0.8).normalize();
     let across = normal.any_orthonormal_vector();
     let mut inputs = Vec::new();
@@ -427,7 +428,7 @@ fn extremes_stay_finite() {
             }
         }
     }
-    for (input, found) in inputs.iter().zip(evaluate(&gpu, &inputs)) {
+    for (input, found) in inputs.iter().zip(evaluate(gpu, &inputs)) {
         let context = format!("{input:?}: {found:?}");
         let numbers = bytemuck::cast::<Found, [f32; 16]>(found);
         assert!(numbers.iter().all(|x| x.is_finite()), "{context}");

@@ -1,16 +1,13 @@
 //! Glossy receivers through the passes: against quadrature, against what a mirror shows, and at the extremes.
 
-use std::{
-    f64::consts::{PI, TAU},
-    sync::OnceLock,
-};
+use std::f64::consts::{PI, TAU};
+use support::testing::pipelines;
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Camera,
-    CloudCapacity, Error, GBuffer, Geometry, HitReconstructor, HitReconstructorDescriptor,
-    HitReconstructorInput, HitReconstructorSettings, Payload, Sampling, SenderBounds, SurfelCloud,
-    SurfelShader, SurfelShaderInput, SurfelShaderSettings, Surfelizer, SurfelizerInput,
-    SurfelizerSettings, Viewport,
+    CloudCapacity, Error, GBuffer, Geometry, HitReconstructorDescriptor, HitReconstructorInput,
+    HitReconstructorSettings, Payload, Sampling, SenderBounds, SurfelCloud, SurfelShaderInput,
+    SurfelShaderSettings, SurfelizerInput, SurfelizerSettings, Viewport,
     glam::{DMat4, DVec2, DVec3},
     reference::{
         directions::cell_point,
@@ -24,10 +21,7 @@ use deep_screen_space::{
 };
 use rayon::prelude::*;
 use support::testing::shot::Shot;
-use support::{
-    gpu::{Ask, Gpu},
-    raster::perspective,
-};
+use support::{gpu::Gpu, raster::perspective};
 
 const SIDE: u32 = 64;
 const F0: [f32; 3] = [0.04, 0.5, 1.0];
@@ -111,25 +105,23 @@ const JOB: Job = Job {
 };
 
 struct Stage {
-    gpu: Gpu,
+    gpu: &'static Gpu,
     scene: Scene,
     shot: Shot,
     cloud: SurfelCloud,
     radiance: wgpu::Buffer,
-    bounced: [BouncedZBuffer; 2],
+    bounced: [&'static BouncedZBuffer; 2],
     bounds: SenderBounds,
-    /// By payload, then by whether they defer, each made when it is needed.
-    reconstructors: [[OnceLock<HitReconstructor>; 2]; 2],
 }
 
 impl Stage {
     fn new(camera: &Camera) -> Self {
-        let gpu = Gpu::open(Ask::from_env()).expect("a graphics adapter");
+        let gpu = pipelines::gpu();
         let device = &gpu.device;
         let scene = scene();
-        let shot = Shot::new(&gpu, &scene, camera);
-        let surfelizer = Surfelizer::new(device, None).expect("pipelines");
-        let shader = SurfelShader::new(device, None).expect("pipelines");
+        let shot = Shot::new(gpu, &scene, camera);
+        let surfelizer = pipelines::surfelizer();
+        let shader = pipelines::surfel_shader();
         let room = 1 << 12;
         let capacity = CloudCapacity {
             surfels: room,
@@ -144,7 +136,7 @@ impl Stage {
                 statistics: false,
                 ..BouncedDescriptor::default()
             };
-            BouncedZBuffer::new(device, &descriptor, None).expect("pipelines")
+            pipelines::bounced(&descriptor)
         });
         let bounds = bounced[0].create_bounds(device, &cloud).expect("bounds");
         let materials = gpu.buffer(&scene.material_table(), BufferUsages::STORAGE);
@@ -185,14 +177,13 @@ impl Stage {
             .expect("light");
         gpu.finish(encoder);
         Self {
+            gpu,
             scene,
             shot,
             cloud,
             radiance,
             bounced,
             bounds,
-            reconstructors: Default::default(),
-            gpu,
         }
     }
 
@@ -227,15 +218,11 @@ impl Stage {
         let roughness = roughness.map(|view| view.texture().into());
         let payload = usize::from(job.payload == Payload::Radiance);
         let bounced = &self.bounced[payload];
-        let made = &self.reconstructors[payload][usize::from(job.deferred)];
-        let reconstructor = made.get_or_init(|| {
-            let descriptor = HitReconstructorDescriptor {
-                payload: job.payload,
-                sampling: Sampling::Glossy,
-                deferred: job.deferred,
-                target: TextureFormat::Rgba32Float,
-            };
-            HitReconstructor::new(device, &descriptor, None).expect("pipelines")
+        let reconstructor = pipelines::hit_reconstructor(&HitReconstructorDescriptor {
+            payload: job.payload,
+            sampling: Sampling::Glossy,
+            deferred: job.deferred,
+            target: TextureFormat::Rgba32Float,
         });
         let view = bounced.create_view(device, SIDE, SIDE, job.directions)?;
         let scratch = reconstructor.create_view(device, SIDE, SIDE)?;

@@ -3,14 +3,15 @@
 use deep_screen_space::{
     BouncedSettings, Camera, Error, HitReconstructor, HitReconstructorDescriptor,
     HitReconstructorInput, HitReconstructorSettings, Light, Payload, Sampling, ShadedLight, Shadow,
-    SurfelRadiance, SurfelShader, SurfelShaderInput, SurfelShaderSettings, SurfelizerSettings,
-    Timestamps, Viewport,
+    SurfelRadiance, SurfelShaderInput, SurfelShaderSettings, SurfelizerSettings, Timestamps,
+    Viewport,
     glam::DVec3,
     reference::{hit_reconstructor::HitReconstruction, packing::unpack_color, trace::Receiver},
     scenes::{self, Scene},
     wgpu,
 };
 use support::raster::perspective;
+use support::testing::pipelines;
 use support::testing::rays::{AMPLE, Senders, lab, triangles};
 use support::testing::refusals::fields_refused;
 use support::testing::shot::{Shot, camera_of};
@@ -46,7 +47,7 @@ fn shot_of(scene: &Scene, view: usize, size: [u32; 2]) -> Shot {
         plain.viewport(),
     )
     .expect("a camera");
-    Shot::new(&lab().gpu, scene, &camera)
+    Shot::new(lab().gpu, scene, &camera)
 }
 
 /// The middle of a view as one of eight times as many pixels a side shows it: what a window of some pixels smooths over
@@ -64,7 +65,7 @@ fn close_up(scene: &Scene, view: usize, size: u32) -> Shot {
         wide.viewport(),
     )
     .expect("a camera");
-    Shot::new(&lab().gpu, scene, &camera)
+    Shot::new(lab().gpu, scene, &camera)
 }
 
 fn senders_of(shot: &Shot, settings: &SurfelizerSettings) -> Senders {
@@ -111,7 +112,7 @@ fn reconstruction_is_the_mirrors() {
             window,
         )
         .expect("a camera");
-        let shot = Shot::new(&lab.gpu, &scene, &camera);
+        let shot = Shot::new(lab.gpu, &scene, &camera);
         let senders = senders_of(&shot, &triangles());
         let receivers = shot.receivers(senders.cloud.origin());
         let (buffer, _) = lab.motley(&senders);
@@ -452,7 +453,7 @@ fn no_directions_are_open_and_dark() {
 fn one_bounce_is_the_tracers() {
     let lab = lab();
     let device = &lab.gpu.device;
-    let shader = SurfelShader::new(device, None).expect("pipelines");
+    let shader = pipelines::surfel_shader();
     let light = |position, intensity| Light::Point {
         position,
         intensity: [intensity, 0.9 * intensity, 0.7 * intensity],

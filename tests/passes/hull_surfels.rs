@@ -1,57 +1,45 @@
 //! Surfels of a lit cloud as what a hull gathers: vertices against the f64 mirror, levels against all surfels, and the
 //! picture against that of light gathered at every pixel.
 
+use std::sync::LazyLock;
+
 use deep_screen_space::{
     AmbientOcclusion, CloudCapacity, ClusterInput, Components, Gatherer, Geometry, HullVertex,
     Light, SgHull, SgHullCounts, SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize,
-    ShadedLight, Shadow, ShellSplatter, ShellSplatterDescriptor, SplatSettings, Surfel,
-    SurfelCloud, SurfelClusters, SurfelCounts, SurfelLight, SurfelRadiance, SurfelShader,
-    SurfelShaderInput, SurfelShaderSettings, SurfelSource, Surfelizer, SurfelizerInput,
-    SurfelizerSettings,
+    ShadedLight, Shadow, ShellSplatter, SplatSettings, Surfel, SurfelCloud, SurfelClusters,
+    SurfelCounts, SurfelLight, SurfelRadiance, SurfelShaderInput, SurfelShaderSettings,
+    SurfelSource, SurfelizerInput, SurfelizerSettings,
     glam::DVec3,
     reference::surfels::LitSurfels,
     scenes,
     wgpu::{self, BufferUsages, TextureFormat as Format},
 };
+use support::testing::pipelines;
 use support::testing::shot::{Shot, camera_of};
-use support::{
-    gpu::{Ask, Gpu},
-    hull::difference,
-};
-
-fn gpu() -> Gpu {
-    Gpu::open(Ask::from_env()).expect("a graphics adapter; scripts/test.sh installs one")
-}
+use support::{gpu::Gpu, hull::difference};
 
 /// The Cornell box's lit surfels, and a hull that gathers them.
 struct Lab {
-    gpu: Gpu,
+    gpu: &'static Gpu,
     shot: Shot,
-    splatter: ShellSplatter,
+    splatter: &'static ShellSplatter,
     cloud: SurfelCloud,
     radiance: wgpu::Buffer,
     gatherer: Gatherer,
     hull: SgHull,
 }
 
+static LAB: LazyLock<Lab> = LazyLock::new(Lab::new);
+
 impl Lab {
     fn new() -> Self {
-        let gpu = gpu();
+        let gpu = pipelines::gpu();
         let device = &gpu.device;
         let scene = scenes::cornell();
-        let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, [64, 64]));
-        let surfelizer = Surfelizer::new(device, None).expect("pipelines");
+        let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, [64, 64]));
+        let surfelizer = pipelines::surfelizer();
         let effect = AmbientOcclusion::default().effect();
-        let splatter = ShellSplatter::new(
-            device,
-            &ShellSplatterDescriptor {
-                effect: &effect,
-                subgroups: false,
-                statistics: false,
-                cache: None,
-            },
-        )
-        .expect("pipelines");
+        let splatter = pipelines::shell_splatter(&effect, false);
         let capacity = CloudCapacity {
             surfels: 1 << 14,
             pieces: 1 << 12,
@@ -73,7 +61,7 @@ impl Lab {
         surfelizer
             .record(device, &mut encoder, &input, &settings, &mut cloud)
             .expect("surfels");
-        let shader = SurfelShader::new(device, None).expect("pipelines");
+        let shader = pipelines::surfel_shader();
         let radiance = shader.create_radiance(device, &cloud).expect("room");
         let light = Light::Point {
             position: DVec3::new(0.0, 4.5, 0.0),
@@ -231,7 +219,7 @@ fn settings(levels: u32) -> SplatSettings {
 
 #[test]
 fn vertices_are_those_of_the_mirror() {
-    let lab = Lab::new();
+    let lab = &*LAB;
     let (surfels, sources, radiance) = lab.read();
     let off = DVec3::new(0.5, -0.25, 2.0);
     let mut normals: Vec<DVec3> = Vec::new();
@@ -277,7 +265,7 @@ fn vertices_are_those_of_the_mirror() {
 
 #[test]
 fn levels_change_nothing_in_expectation() {
-    let lab = Lab::new();
+    let lab = &*LAB;
     let mean = |levels: u32, seed: u32| -> f64 {
         let settings = SplatSettings {
             seed,
@@ -298,7 +286,7 @@ fn levels_change_nothing_in_expectation() {
 
 #[test]
 fn the_hull_is_near_the_light_at_every_pixel() {
-    let lab = Lab::new();
+    let lab = &*LAB;
     let settings = settings(1);
     let (_, hull) = lab.record(settings, DVec3::ZERO, false);
     let (_, exact) = lab.record(settings, DVec3::ZERO, true);
@@ -310,7 +298,7 @@ fn the_hull_is_near_the_light_at_every_pixel() {
 
 #[test]
 fn what_does_not_fit_is_refused() {
-    let lab = Lab::new();
+    let lab = &*LAB;
     let device = &lab.gpu.device;
     let settings = settings(2);
     let clusters = lab.clusters(&settings);

@@ -86,7 +86,7 @@ struct Case {
 impl Case {
     fn new(scene: &Scene, camera: &Camera, capacity: CloudCapacity) -> Self {
         let lab = lab();
-        let shot = Shot::new(&lab.gpu, scene, camera);
+        let shot = Shot::new(lab.gpu, scene, camera);
         Self {
             senders: lab.senders(&shot.buffers.meshes(), camera, &triangles(), capacity),
             materials: lab

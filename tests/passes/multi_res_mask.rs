@@ -1,21 +1,15 @@
 //! The `MultiResMask`: GPU against the f64 mirror, and what must hold of any mask.
 
 use deep_screen_space::{
-    Error, MultiResLevel, MultiResMask, MultiResMaskSettings, MultiResView, Viewport,
+    Error, MultiResLevel, MultiResMaskSettings, MultiResView, Viewport,
     glam::{DMat4, DVec3, dcamera::rh::proj::directx as right},
     reference::multi_res_mask::{self as mirror, coarsen},
     scenes,
     wgpu::TextureFormat as Format,
 };
 use support::testing::multi_res::{Frame, camera, framed, random, read_list, read_mask, record};
-use support::{
-    gpu::{Ask, Gpu},
-    multires::read_blocks,
-};
-
-fn gpu() -> Gpu {
-    Gpu::open(Ask::from_env()).expect("a graphics adapter; scripts/test.sh installs one")
-}
+use support::testing::pipelines;
+use support::{gpu::Gpu, multires::read_blocks};
 
 const PRESETS: [MultiResMaskSettings; 3] = [
     MultiResMaskSettings::OCCLUSION,
@@ -134,20 +128,20 @@ fn edges<'a>(frame: &'a Frame, settings: &'a MultiResMaskSettings) -> mirror::Ed
 
 #[test]
 fn gpu_is_its_mirror() {
-    let gpu = gpu();
-    let pass = MultiResMask::new(&gpu.device, None).expect("pipelines");
+    let gpu = pipelines::gpu();
+    let pass = pipelines::multi_res_mask();
     for (name, size) in [
         ("cornell", [96, 64]),
         ("dominoes", [101, 67]),
         ("colonnade", [93, 61]),
     ] {
         let scene = scenes::by_name(name).expect("a scene");
-        let frame = Frame::of_scene(&gpu, &scene, size);
+        let frame = Frame::of_scene(gpu, &scene, size);
         for settings in &PRESETS {
-            let view = record(&gpu, &pass, &frame.input(), settings);
-            let counts = check(&gpu, &view, settings, name);
+            let view = record(gpu, pass, &frame.input(), settings);
+            let counts = check(gpu, &view, settings, name);
             println!("{name}: {counts:?}");
-            compare(&gpu, &frame, &view, &edges(&frame, settings), name);
+            compare(gpu, &frame, &view, &edges(&frame, settings), name);
             // Some of it is near edges and some is not.
             let share = counts[0] as f64 / f64::from(size[0] * size[1]);
             assert!((0.02..0.98).contains(&share), "{name}: {share}");
@@ -185,8 +179,8 @@ fn projections() -> [(&'static str, DMat4); 5] {
 /// A plane at any angle has no edges, in any projection and depth format; a step in it has.
 #[test]
 fn planes_have_no_edges_and_steps_have() {
-    let gpu = gpu();
-    let pass = MultiResMask::new(&gpu.device, None).expect("pipelines");
+    let gpu = pipelines::gpu();
+    let pass = pipelines::multi_res_mask();
     let settings = MultiResMaskSettings::OCCLUSION;
     let viewport = Viewport {
         x: 3,
@@ -200,23 +194,23 @@ fn planes_have_no_edges_and_steps_have() {
             for slope in [[0.0, 0.0], [0.8, 0.0], [-0.3, 1.1]] {
                 let name = format!("{name}, {format:?}, {slope:?}");
                 let see = wall(slope);
-                let flat = Frame::cast(&gpu, &camera, format, &see);
-                let view = record(&gpu, &pass, &flat.input(), &settings);
-                let counts = check(&gpu, &view, &settings, &name);
+                let flat = Frame::cast(gpu, &camera, format, &see);
+                let view = record(gpu, pass, &flat.input(), &settings);
+                let counts = check(gpu, &view, &settings, &name);
                 assert_eq!(counts[..3], [0, 0, 0], "{name}");
                 // Half of it a fifth nearer.
-                let stepped = Frame::cast(&gpu, &camera, format, |pixel, from, along| {
+                let stepped = Frame::cast(gpu, &camera, format, |pixel, from, along| {
                     let seen = see(pixel, from, along);
                     if pixel[0] < 40 {
                         return seen;
                     }
                     seen.map(|(p, n)| (from + 0.8 * (p - from), n))
                 });
-                let view = record(&gpu, &pass, &stepped.input(), &settings);
-                let counts = check(&gpu, &view, &settings, &name);
+                let view = record(gpu, pass, &stepped.input(), &settings);
+                let counts = check(gpu, &view, &settings, &name);
                 // Two columns, and the kernel's two on each side.
                 assert_eq!(counts[0], 6 * 45, "{name}");
-                compare(&gpu, &stepped, &view, &edges(&stepped, &settings), &name);
+                compare(gpu, &stepped, &view, &edges(&stepped, &settings), &name);
             }
         }
     }
@@ -225,8 +219,8 @@ fn planes_have_no_edges_and_steps_have() {
 /// No edges but those of the sky, all edges, one pixel, and images of any size.
 #[test]
 fn extremes() {
-    let gpu = gpu();
-    let pass = MultiResMask::new(&gpu.device, None).expect("pipelines");
+    let gpu = pipelines::gpu();
+    let pass = pipelines::multi_res_mask();
     let projection = right::perspective_infinite_reverse(1.0, 1.4, 0.1);
     for size in [[1, 1], [1, 9], [7, 5], [8, 8], [9, 8], [17, 31], [65, 33]] {
         let [width, height] = size;
@@ -234,15 +228,15 @@ fn extremes() {
         let pixels = (width * height) as usize;
         for settings in &PRESETS {
             let listed = |frame: &Frame, what: &str| {
-                let view = record(&gpu, &pass, &frame.input(), settings);
+                let view = record(gpu, pass, &frame.input(), settings);
                 let name = format!("{what}, {size:?}");
-                let counts = check(&gpu, &view, settings, &name);
-                compare(&gpu, frame, &view, &edges(frame, settings), &name);
+                let counts = check(gpu, &view, settings, &name);
+                compare(gpu, frame, &view, &edges(frame, settings), &name);
                 counts
             };
-            let sky = Frame::cast(&gpu, &camera, Format::R32Float, |_, _, _| None);
+            let sky = Frame::cast(gpu, &camera, Format::R32Float, |_, _, _| None);
             assert_eq!(listed(&sky, "sky")[..3], [0; 3], "{size:?}");
-            let noise = Frame::cast(&gpu, &camera, Format::R32Float, |[x, y], from, along| {
+            let noise = Frame::cast(gpu, &camera, Format::R32Float, |[x, y], from, along| {
                 let (p, _) = wall([0.0; 2])([x, y], from, along)?;
                 let i = y * width + x;
                 let n = DVec3::from([0, 1, 2].map(|k| random(i, k) - 0.5));
@@ -253,7 +247,7 @@ fn extremes() {
                 assert_eq!(counts[0], pixels, "{size:?}");
             }
             // A pole one pixel wide, before the sky.
-            let pole = Frame::cast(&gpu, &camera, Format::R32Float, |[x, y], from, along| {
+            let pole = Frame::cast(gpu, &camera, Format::R32Float, |[x, y], from, along| {
                 let here = [x, y] == [width / 2, height / 2];
                 wall([0.0; 2])([x, y], from, along).filter(|_| here)
             });
@@ -271,22 +265,22 @@ fn extremes() {
 /// What is not finite is an edge, and not more.
 #[test]
 fn garbage_is_an_edge() {
-    let gpu = gpu();
-    let pass = MultiResMask::new(&gpu.device, None).expect("pipelines");
+    let gpu = pipelines::gpu();
+    let pass = pipelines::multi_res_mask();
     let camera = camera(
         right::perspective_infinite_reverse(1.0, 1.4, 0.1),
         Viewport::full(64, 48),
     );
-    let flat = Frame::cast(&gpu, &camera, Format::R32Float, wall([0.2, 0.1]));
+    let flat = Frame::cast(gpu, &camera, Format::R32Float, wall([0.2, 0.1]));
     for (bad, value) in [f64::NAN, f64::INFINITY, -1.0].into_iter().enumerate() {
         let mut depth = flat.depth.clone();
         depth[20 * 64 + 30] = value;
         let mut normal = flat.normal.clone();
         normal[30 * 64 + 11] = DVec3::new(value, f64::NAN, 0.0);
-        let frame = Frame::new(&gpu, &camera, Format::R32Float, depth, &normal);
+        let frame = Frame::new(gpu, &camera, Format::R32Float, depth, &normal);
         let settings = MultiResMaskSettings::OCCLUSION;
-        let view = record(&gpu, &pass, &frame.input(), &settings);
-        let counts = check(&gpu, &view, &settings, &format!("garbage {bad}"));
+        let view = record(gpu, pass, &frame.input(), &settings);
+        let counts = check(gpu, &view, &settings, &format!("garbage {bad}"));
         assert!((20..=120).contains(&counts[0]), "{value}: {counts:?}");
     }
 }
@@ -294,8 +288,8 @@ fn garbage_is_an_edge() {
 /// The caller's own edges are maxima, importance is a minimum over all, and shading is differentiated.
 #[test]
 fn sources_of_the_caller() {
-    let gpu = gpu();
-    let pass = MultiResMask::new(&gpu.device, None).expect("pipelines");
+    let gpu = pipelines::gpu();
+    let pass = pipelines::multi_res_mask();
     let settings = MultiResMaskSettings::SHADOW;
     let viewport = Viewport {
         x: 2,
@@ -305,7 +299,7 @@ fn sources_of_the_caller() {
     };
     let camera = camera(right::perspective_infinite_reverse(1.0, 1.6, 0.1), viewport);
     // A step at column 30; the caller's edges at column 60, shading differs at row 20, and the right fifth is unimportant.
-    let frame = Frame::cast(&gpu, &camera, Format::R32Float, |pixel, from, along| {
+    let frame = Frame::cast(gpu, &camera, Format::R32Float, |pixel, from, along| {
         let (p, n) = wall([0.0; 2])(pixel, from, along)?;
         Some((p * if pixel[0] < 30 { 1.0 } else { 0.8 }, n))
     });
@@ -316,7 +310,7 @@ fn sources_of_the_caller() {
     let shading = image(&|[_, y]| if y < 20 { 0.2 } else { 0.9 });
     let importance = image(&|[x, _]| if x < 66 { 1.0 } else { 0.0 });
     let views = [&shading, &own, &importance]
-        .map(|texels| framed(&gpu, &camera, Format::R32Float, texels, f32::NAN));
+        .map(|texels| framed(gpu, &camera, Format::R32Float, texels, f32::NAN));
     let wide = [&shading, &own, &importance]
         .map(|t| t.iter().map(|&v| f64::from(v)).collect::<Vec<f64>>());
     for chosen in 0..8_u32 {
@@ -326,14 +320,14 @@ fn sources_of_the_caller() {
         input.shading = given(0).then_some(views[0].texture().into());
         input.edges = given(1).then_some(views[1].texture().into());
         input.importance = given(2).then_some(views[2].texture().into());
-        let view = record(&gpu, &pass, &input, &settings);
-        check(&gpu, &view, &settings, &name);
+        let view = record(gpu, pass, &input, &settings);
+        check(gpu, &view, &settings, &name);
         let mut expected = edges(&frame, &settings);
         expected.shading = given(0).then_some(&wide[0]);
         expected.extra = given(1).then_some(&wide[1]);
         expected.importance = given(2).then_some(&wide[2]);
-        compare(&gpu, &frame, &view, &expected, &name);
-        let mask = read_mask(&gpu, &view, 0);
+        compare(gpu, &frame, &view, &expected, &name);
+        let mask = read_mask(gpu, &view, 0);
         let at = |x: u32, y: u32| mask[(y * 83 + x) as usize];
         assert!(at(30, 40) > 0.0, "{name}");
         assert_eq!(at(60, 40) > 0.0, given(1), "{name}");
@@ -341,24 +335,24 @@ fn sources_of_the_caller() {
         assert_eq!(at(80, 20) > 0.0, given(0) && !given(2), "{name}");
     }
     // Everything, and nothing.
-    let full = framed(&gpu, &camera, Format::R32Float, &image(&|_| 1.0), 0.0);
-    let none = framed(&gpu, &camera, Format::R32Float, &image(&|_| 0.0), 1.0);
+    let full = framed(gpu, &camera, Format::R32Float, &image(&|_| 1.0), 0.0);
+    let none = framed(gpu, &camera, Format::R32Float, &image(&|_| 0.0), 1.0);
     let mut input = frame.input();
     input.edges = Some(full.texture().into());
-    let view = record(&gpu, &pass, &input, &settings);
-    assert_eq!(check(&gpu, &view, &settings, "full")[0], 83 * 50);
+    let view = record(gpu, pass, &input, &settings);
+    assert_eq!(check(gpu, &view, &settings, "full")[0], 83 * 50);
     input.importance = Some(none.texture().into());
-    let view = record(&gpu, &pass, &input, &settings);
-    assert_eq!(check(&gpu, &view, &settings, "none")[..3], [0; 3]);
+    let view = record(gpu, pass, &input, &settings);
+    assert_eq!(check(gpu, &view, &settings, "none")[..3], [0; 3]);
 }
 
 /// Any of the levels may be left out, and thresholds list less.
 #[test]
 fn levels_and_thresholds() {
-    let gpu = gpu();
-    let pass = MultiResMask::new(&gpu.device, None).expect("pipelines");
+    let gpu = pipelines::gpu();
+    let pass = pipelines::multi_res_mask();
     let scene = scenes::cornell();
-    let frame = Frame::of_scene(&gpu, &scene, [75, 50]);
+    let frame = Frame::of_scene(gpu, &scene, [75, 50]);
     for chosen in 1..16_u32 {
         let all = MultiResMaskSettings::OCCLUSION.levels;
         let mut settings = MultiResMaskSettings::OCCLUSION;
@@ -366,9 +360,9 @@ fn levels_and_thresholds() {
             *own = all[level].filter(|_| chosen & 1 << level != 0);
         }
         let name = format!("levels {chosen:04b}");
-        let view = record(&gpu, &pass, &frame.input(), &settings);
-        check(&gpu, &view, &settings, &name);
-        compare(&gpu, &frame, &view, &edges(&frame, &settings), &name);
+        let view = record(gpu, pass, &frame.input(), &settings);
+        check(gpu, &view, &settings, &name);
+        compare(gpu, &frame, &view, &edges(&frame, &settings), &name);
     }
     let mut before = usize::MAX;
     for threshold in [0.0, 0.1, 0.5, 1.0] {
@@ -381,9 +375,9 @@ fn levels_and_thresholds() {
         let settings =
             MultiResMaskSettings::with_levels([level(0.9), level(4.0), level(16.0), level(0.0)]);
         let name = format!("threshold {threshold}");
-        let view = record(&gpu, &pass, &frame.input(), &settings);
-        let counts = check(&gpu, &view, &settings, &name);
-        compare(&gpu, &frame, &view, &edges(&frame, &settings), &name);
+        let view = record(gpu, pass, &frame.input(), &settings);
+        let counts = check(gpu, &view, &settings, &name);
+        compare(gpu, &frame, &view, &edges(&frame, &settings), &name);
         assert!(counts[0] < before, "{name}: {counts:?}");
         before = counts[0];
     }
@@ -393,14 +387,14 @@ fn levels_and_thresholds() {
 /// The same bits each time.
 #[test]
 fn recordings_repeat() {
-    let gpu = gpu();
-    let pass = MultiResMask::new(&gpu.device, None).expect("pipelines");
-    let frame = Frame::of_scene(&gpu, &scenes::dominoes(), [64, 40]);
+    let gpu = pipelines::gpu();
+    let pass = pipelines::multi_res_mask();
+    let frame = Frame::of_scene(gpu, &scenes::dominoes(), [64, 40]);
     let settings = MultiResMaskSettings::OCCLUSION;
     let [first, second] = [(); 2].map(|()| {
-        let view = record(&gpu, &pass, &frame.input(), &settings);
+        let view = record(gpu, pass, &frame.input(), &settings);
         (0..4)
-            .map(|l| (read_mask(&gpu, &view, l), read_list(&gpu, &view, l)))
+            .map(|l| (read_mask(gpu, &view, l), read_list(gpu, &view, l)))
             .collect::<Vec<_>>()
     });
     assert_eq!(first, second);
@@ -408,14 +402,14 @@ fn recordings_repeat() {
 
 #[test]
 fn what_cannot_be_is_refused() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let device = &gpu.device;
-    let pass = MultiResMask::new(device, None).expect("pipelines");
+    let pass = pipelines::multi_res_mask();
     let camera = camera(
         right::perspective_infinite_reverse(1.0, 1.4, 0.1),
         Viewport::full(16, 8),
     );
-    let frame = Frame::cast(&gpu, &camera, Format::R32Float, wall([0.0; 2]));
+    let frame = Frame::cast(gpu, &camera, Format::R32Float, wall([0.0; 2]));
     let good = MultiResMaskSettings::OCCLUSION;
     let level = |variance, weight, threshold| MultiResMaskSettings {
         levels: [

@@ -8,12 +8,9 @@ use deep_screen_space::{
     scenes,
     wgpu::{self, TextureFormat as Format},
 };
-use support::gpu::{Ask, Gpu};
+use support::gpu::Gpu;
 use support::testing::multi_res::{Frame, camera, framed, random, read_mask, record};
-
-fn gpu() -> Gpu {
-    Gpu::open(Ask::from_env()).expect("a graphics adapter; scripts/test.sh installs one")
-}
+use support::testing::pipelines;
 
 fn size_of([width, height]: [u32; 2], level: u32) -> [u32; 2] {
     [width, height].map(|n| n.div_ceil(1 << level))
@@ -22,7 +19,7 @@ fn size_of([width, height]: [u32; 2], level: u32) -> [u32; 2] {
 /// The passes for one number of channels.
 struct Wired<'g> {
     gpu: &'g Gpu,
-    mask: MultiResMask,
+    mask: &'static MultiResMask,
     blend: MultiResReconstructor,
     channels: Channels,
     /// Copies a texture to a storage texture of the channels.
@@ -63,7 +60,7 @@ impl<'g> Wired<'g> {
     fn new(gpu: &'g Gpu, channels: Channels) -> Self {
         Self {
             gpu,
-            mask: MultiResMask::new(&gpu.device, None).expect("pipelines"),
+            mask: pipelines::multi_res_mask(),
             blend: MultiResReconstructor::new(&gpu.device, channels, Format::Rgba32Float, None)
                 .expect("a pipeline"),
             channels,
@@ -209,25 +206,25 @@ fn noise(level: u32, [x, y]: [u32; 2]) -> DVec3 {
 
 #[test]
 fn gpu_is_its_mirror() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     for channels in [Channels::One, Channels::Three] {
-        let wired = Wired::new(&gpu, channels);
+        let wired = Wired::new(gpu, channels);
         for (name, size) in [("cornell", [96, 64]), ("colonnade", [77, 51])] {
             let scene = scenes::by_name(name).expect("a scene");
-            let frame = Frame::of_scene(&gpu, &scene, size);
+            let frame = Frame::of_scene(gpu, &scene, size);
             let receivers = frame.receivers();
             for settings in [
                 MultiResMaskSettings::OCCLUSION,
                 MultiResMaskSettings::SHADOW,
                 MultiResMaskSettings::INDIRECT,
             ] {
-                let masks = record(&gpu, &wired.mask, &frame.input(), &settings);
+                let masks = record(gpu, wired.mask, &frame.input(), &settings);
                 let (images, held) = wired.images(&masks, &settings, noise);
                 let found = wired.image(&frame, &masks, &images);
                 let read = [0, 1, 2, 3].map(|level| {
                     settings.levels[level as usize]?;
                     Some(
-                        read_mask(&gpu, &masks, level)
+                        read_mask(gpu, &masks, level)
                             .into_iter()
                             .map(f64::from)
                             .collect(),
@@ -264,8 +261,8 @@ const WHOLE: MultiResLevel = MultiResLevel::new(1.0, f32::INFINITY);
 /// coarsest.
 #[test]
 fn full_and_empty_masks() {
-    let gpu = gpu();
-    let wired = Wired::new(&gpu, Channels::One);
+    let gpu = pipelines::gpu();
+    let wired = Wired::new(gpu, Channels::One);
     let viewport = Viewport {
         x: 5,
         y: 3,
@@ -273,15 +270,15 @@ fn full_and_empty_masks() {
         height: 43,
     };
     let camera = camera(right::perspective_infinite_reverse(1.0, 1.4, 0.1), viewport);
-    let frame = scene(&gpu, &camera);
+    let frame = scene(gpu, &camera);
     let count = (viewport.width * viewport.height) as usize;
     let [full, empty] =
-        [1.0_f32, 0.0].map(|v| framed(&gpu, &camera, Format::R32Float, &vec![v; count], f32::NAN));
+        [1.0_f32, 0.0].map(|v| framed(gpu, &camera, Format::R32Float, &vec![v; count], f32::NAN));
     let settings = MultiResMaskSettings::with_levels([Some(WHOLE); 4]);
     let value = |level: u32, at: [u32; 2]| noise(level, at) / 3.0;
     let mut input = frame.input();
     input.edges = Some(full.texture().into());
-    let masks = record(&gpu, &wired.mask, &input, &settings);
+    let masks = record(gpu, wired.mask, &input, &settings);
     let (images, held) = wired.images(&masks, &settings, value);
     let found = wired.image(&frame, &masks, &images);
     assert_eq!(Some(found), held[0]);
@@ -291,7 +288,7 @@ fn full_and_empty_masks() {
     (two.levels[1], two.levels[2]) = (None, None);
     let mut input = frame.input();
     input.importance = Some(empty.texture().into());
-    let masks = record(&gpu, &wired.mask, &input, &two);
+    let masks = record(gpu, wired.mask, &input, &two);
     let (images, held) = wired.images(&masks, &two, value);
     let found = wired.image(&frame, &masks, &images);
     let coarsest = held[3].as_ref().expect("the coarsest");
@@ -308,7 +305,7 @@ fn full_and_empty_masks() {
     assert_eq!(exact, 48);
 
     // By steps corners are cut, and nothing is beyond what the coarsest level has.
-    let masks = record(&gpu, &wired.mask, &input, &settings);
+    let masks = record(gpu, wired.mask, &input, &settings);
     let (images, held) = wired.images(&masks, &settings, value);
     let found = wired.image(&frame, &masks, &images);
     let coarsest = held[3].as_ref().expect("the coarsest");
@@ -327,19 +324,19 @@ fn full_and_empty_masks() {
 /// A ramp over the image comes out of the coarsest level as it went in: steps between levels move nothing.
 #[test]
 fn ramps_stay() {
-    let gpu = gpu();
-    let wired = Wired::new(&gpu, Channels::One);
+    let gpu = pipelines::gpu();
+    let wired = Wired::new(gpu, Channels::One);
     let size = [64, 48];
     let camera = camera(
         right::perspective_infinite_reverse(1.0, 1.4, 0.1),
         Viewport::full(size[0], size[1]),
     );
     // A wall without an edge.
-    let frame = Frame::cast(&gpu, &camera, Format::R32Float, |_, from, along| {
+    let frame = Frame::cast(gpu, &camera, Format::R32Float, |_, from, along| {
         Some((from + (-5.0 - from.z) / along.z * along, DVec3::Z))
     });
     let settings = MultiResMaskSettings::OCCLUSION;
-    let masks = record(&gpu, &wired.mask, &frame.input(), &settings);
+    let masks = record(gpu, wired.mask, &frame.input(), &settings);
     let ramp = |[x, y]: [u32; 2]| f64::from(x) / 64.0 + f64::from(y) / 256.0;
     let (images, _) = wired.images(&masks, &settings, |level, at| {
         DVec3::splat(ramp(stands_for(at, level, size)))
@@ -379,14 +376,14 @@ fn scene(gpu: &Gpu, camera: &deep_screen_space::Camera) -> Frame {
 /// computed, here NaN, is not seen.
 #[test]
 fn no_pixel_is_dead() {
-    let gpu = gpu();
-    let wired = Wired::new(&gpu, Channels::Three);
+    let gpu = pipelines::gpu();
+    let wired = Wired::new(gpu, Channels::Three);
     for size in [[1, 1], [9, 8], [27, 14]] {
         let camera = camera(
             right::perspective_infinite_reverse(1.0, 1.4, 0.1),
             Viewport::full(size[0], size[1]),
         );
-        let frame = scene(&gpu, &camera);
+        let frame = scene(gpu, &camera);
         for chosen in 1..16_u32 {
             for preset in [
                 MultiResMaskSettings::OCCLUSION,
@@ -396,7 +393,7 @@ fn no_pixel_is_dead() {
                 for (level, own) in settings.levels.iter_mut().enumerate() {
                     *own = own.filter(|_| chosen & 1 << level != 0);
                 }
-                let masks = record(&gpu, &wired.mask, &frame.input(), &settings);
+                let masks = record(gpu, wired.mask, &frame.input(), &settings);
                 let value = DVec3::new(0.25, 0.5, 0.75);
                 let (images, _) = wired.images(&masks, &settings, |_, _| value);
                 for (i, found) in wired.image(&frame, &masks, &images).iter().enumerate() {
@@ -414,21 +411,21 @@ fn no_pixel_is_dead() {
 /// Across an edge in depth nothing is blended: a level's pixels count on their own surface alone.
 #[test]
 fn surfaces_do_not_mix() {
-    let gpu = gpu();
-    let wired = Wired::new(&gpu, Channels::One);
+    let gpu = pipelines::gpu();
+    let wired = Wired::new(gpu, Channels::One);
     let camera = camera(
         right::perspective_infinite_reverse(1.0, 1.4, 0.1),
         Viewport::full(64, 48),
     );
     // The left half is near and 0, the right half far and 1.
-    let frame = Frame::cast(&gpu, &camera, Format::R32Float, |[x, _], from, along| {
+    let frame = Frame::cast(gpu, &camera, Format::R32Float, |[x, _], from, along| {
         let distance = if x < 29 { 2.0 } else { 5.0 };
         let t = (-distance - from.z) / along.z;
         Some((from + t * along, DVec3::Z))
     });
     // Without the finer levels, whose place the edge is.
     let settings = MultiResMaskSettings::with_levels([None, None, None, Some(WHOLE)]);
-    let masks = record(&gpu, &wired.mask, &frame.input(), &settings);
+    let masks = record(gpu, wired.mask, &frame.input(), &settings);
     let (images, _) = wired.images(&masks, &settings, |level, at| {
         let [x, _] = stands_for(at, level, [64, 48]);
         DVec3::splat(f64::from(u8::from(x >= 29)))
@@ -443,15 +440,15 @@ fn surfaces_do_not_mix() {
 /// What is not finite is as good as not computed.
 #[test]
 fn garbage_does_not_spread() {
-    let gpu = gpu();
-    let wired = Wired::new(&gpu, Channels::One);
+    let gpu = pipelines::gpu();
+    let wired = Wired::new(gpu, Channels::One);
     let camera = camera(
         right::perspective_infinite_reverse(1.0, 1.4, 0.1),
         Viewport::full(40, 24),
     );
-    let frame = scene(&gpu, &camera);
+    let frame = scene(gpu, &camera);
     let settings = MultiResMaskSettings::OCCLUSION;
-    let masks = record(&gpu, &wired.mask, &frame.input(), &settings);
+    let masks = record(gpu, wired.mask, &frame.input(), &settings);
     for bad in [f64::NAN, f64::INFINITY] {
         let (images, _) = wired.images(&masks, &settings, |level, [x, y]| {
             let spoilt = level < 3 && (x + y).is_multiple_of(3);
@@ -468,18 +465,18 @@ fn garbage_does_not_spread() {
 
 #[test]
 fn what_cannot_be_is_refused() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let device = &gpu.device;
-    let wired = Wired::new(&gpu, Channels::One);
+    let wired = Wired::new(gpu, Channels::One);
     let depth = MultiResReconstructor::new(device, Channels::One, Format::Depth32Float, None);
     assert!(matches!(depth, Err(Error::Format { .. })), "{depth:?}");
     let camera = camera(
         right::perspective_infinite_reverse(1.0, 1.4, 0.1),
         Viewport::full(16, 8),
     );
-    let frame = scene(&gpu, &camera);
+    let frame = scene(gpu, &camera);
     let settings = MultiResMaskSettings::OCCLUSION;
-    let masks = record(&gpu, &wired.mask, &frame.input(), &settings);
+    let masks = record(gpu, wired.mask, &frame.input(), &settings);
     let images = |width, settings: &MultiResMaskSettings| {
         wired
             .blend

@@ -14,13 +14,10 @@ use deep_screen_space::{
     reference::reconstructor::{Reconstruction, Sum},
     wgpu::{self, TextureFormat as Format, TextureUsages},
 };
-use support::gpu::{Ask, Gpu};
+use support::gpu::Gpu;
 use support::testing::passes::{Passes, descriptor, effect, receivers, texture};
+use support::testing::pipelines;
 use support::testing::refusals::refused;
-
-fn gpu() -> Gpu {
-    Gpu::open(Ask::from_env()).expect("a graphics adapter; scripts/test.sh installs one")
-}
 
 /// Shells of levels end at 1000, 2000, 4000 …; `HERE` makes a pixel's sum depend on its normal alone.
 const SHELLS: &str = "fn max_distance(sender: Sender, epsilon: f32) -> f32 { return 1000.0; }\n";
@@ -189,14 +186,14 @@ const SUM: Format = Format::R32Float;
 struct Wired {
     effect: Effect,
     passes: Passes,
-    reconstructor: Reconstructor,
+    reconstructor: &'static Reconstructor,
 }
 
 impl Wired {
     fn new(gpu: &Gpu, effect: Effect) -> Self {
         Self {
             passes: Passes::new(gpu, &effect, 5 << 8),
-            reconstructor: Reconstructor::new(&gpu.device, &effect, SUM, None).expect("a target"),
+            reconstructor: pipelines::reconstructor(&effect, SUM),
             effect,
         }
     }
@@ -283,7 +280,7 @@ impl Summed<'_> {
         let reconstructor = if format == SUM {
             &self.wired.reconstructor
         } else {
-            other = Reconstructor::new(device, &self.wired.effect, format, None).expect("a target");
+            other = pipelines::reconstructor(&self.wired.effect, format);
             &other
         };
         let [width, height] = self.view.size();
@@ -371,8 +368,8 @@ fn hilly(i: u32, surface: Surface) -> DVec3 {
 
 #[test]
 fn totals_match_the_mirror() {
-    let gpu = gpu();
-    let mut wired = Wired::new(&gpu, one_channel(NOISE, PLAIN));
+    let gpu = pipelines::gpu();
+    let mut wired = Wired::new(gpu, one_channel(NOISE, PLAIN));
     let standard = ReconstructorSettings::default();
     for (size, levels, settings) in [
         ([96, 64], 5, standard),
@@ -416,11 +413,11 @@ fn totals_match_the_mirror() {
     ] {
         let inputs = format!("{size:?}, {levels} levels, {settings:?}");
         let viewport = Viewport::full(size[0], size[1]);
-        let scene = Scene::with_normals(&gpu, viewport, hilly);
-        let summed = wired.sum(&gpu, &scene, levels);
-        let sums = summed.sums::<f32, f64>(&gpu, f64::from);
-        let found: Vec<f32> = summed.reconstruct(&gpu, &scene, &settings, Format::R32Float, 9.0);
-        let expected = summed.mirror(&gpu, &scene, &settings, &sums);
+        let scene = Scene::with_normals(gpu, viewport, hilly);
+        let summed = wired.sum(gpu, &scene, levels);
+        let sums = summed.sums::<f32, f64>(gpu, f64::from);
+        let found: Vec<f32> = summed.reconstruct(gpu, &scene, &settings, Format::R32Float, 9.0);
+        let expected = summed.mirror(gpu, &scene, &settings, &sums);
         assert_same(&wide(&found), &expected, &inputs);
 
         // The comparison sees a setting that is off by a tenth, and a sum that is off by a thousandth.
@@ -439,7 +436,7 @@ fn totals_match_the_mirror() {
                     ..settings
                 },
             ] {
-                let expected = summed.mirror(&gpu, &scene, &other, &sums);
+                let expected = summed.mirror(gpu, &scene, &other, &sums);
                 let (count, _) = differences(&wide(&found), &expected);
                 assert!(
                     count > found.len() / 10,
@@ -452,7 +449,7 @@ fn totals_match_the_mirror() {
 
 #[test]
 fn three_channels_and_albedo_match_the_mirror() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     // An engine's own effect: light in three colours, times what the surface reflects.
     let source = format!(
         "{SHELLS}
@@ -471,15 +468,15 @@ fn resolve(sum: vec3f, albedo: vec3f) -> vec4f {{
         width: 61,
         height: 43,
     };
-    let scene = Scene::with_normals(&gpu, viewport, hilly);
-    let mut wired = Wired::new(&gpu, light);
-    let summed = wired.sum(&gpu, &scene, 4);
-    let sums = summed.sums(&gpu, |[r, g, b, _]: [f32; 4]| {
+    let scene = Scene::with_normals(gpu, viewport, hilly);
+    let mut wired = Wired::new(gpu, light);
+    let summed = wired.sum(gpu, &scene, 4);
+    let sums = summed.sums(gpu, |[r, g, b, _]: [f32; 4]| {
         DVec3::from([r, g, b].map(f64::from))
     });
     let settings = ReconstructorSettings::default();
-    let all: Vec<[f32; 4]> = summed.reconstruct(&gpu, &scene, &settings, Format::Rgba32Float, 9.0);
-    let totals = summed.mirror(&gpu, &scene, &settings, &sums);
+    let all: Vec<[f32; 4]> = summed.reconstruct(gpu, &scene, &settings, Format::Rgba32Float, 9.0);
+    let totals = summed.mirror(gpu, &scene, &settings, &sums);
     let (mut found, mut expected) = (Vec::new(), Vec::new());
     for (i, total) in (0..).zip(totals) {
         let [x, y] = [
@@ -499,19 +496,19 @@ fn resolve(sum: vec3f, albedo: vec3f) -> vec4f {{
 
 #[test]
 fn constants_stay() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let one = one_channel(ONE, PLAIN);
-    let scene = Scene::with_normals(&gpu, Viewport::full(67, 53), hilly);
-    let mut wired = Wired::new(&gpu, one);
-    let summed = wired.sum(&gpu, &scene, 4);
-    for (level, sums) in summed.sums::<f32, f32>(&gpu, |s| s).iter().enumerate() {
+    let scene = Scene::with_normals(gpu, Viewport::full(67, 53), hilly);
+    let mut wired = Wired::new(gpu, one);
+    let summed = wired.sum(gpu, &scene, 4);
+    for (level, sums) in summed.sums::<f32, f32>(gpu, |s| s).iter().enumerate() {
         for (sum, surface) in sums.iter().zip(&scene.surfaces) {
             let expected = if *surface == Surface::Sky { 0.0 } else { 64.0 };
             assert_eq!(*sum, expected, "level {level}, {surface:?}");
         }
     }
     let settings = ReconstructorSettings::default();
-    let found: Vec<f32> = summed.reconstruct(&gpu, &scene, &settings, Format::R32Float, 9.0);
+    let found: Vec<f32> = summed.reconstruct(gpu, &scene, &settings, Format::R32Float, 9.0);
     for (value, surface) in found.iter().zip(&scene.surfaces) {
         // Two means of up to 17 on each of three levels, a rounding each.
         let expected: f32 = if *surface == Surface::Sky { 0.0 } else { 256.0 };
@@ -524,8 +521,8 @@ fn constants_stay() {
 
 #[test]
 fn nothing_leaks_over_edges() {
-    let gpu = gpu();
-    let scene = Scene::new(&gpu, Viewport::full(96, 64));
+    let gpu = pipelines::gpu();
+    let scene = Scene::new(gpu, Viewport::full(96, 64));
     let settings = ReconstructorSettings::default();
     // The block lies in front of the wall, with its own tilt; the floor meets the wall at a right angle.
     for (name, contribution, bright, dark) in [
@@ -548,9 +545,9 @@ fn nothing_leaks_over_edges() {
             Surface::Floor,
         ),
     ] {
-        let mut wired = Wired::new(&gpu, one_channel(contribution, PLAIN));
-        let summed = wired.sum(&gpu, &scene, 4);
-        let found: Vec<f32> = summed.reconstruct(&gpu, &scene, &settings, Format::R32Float, 9.0);
+        let mut wired = Wired::new(gpu, one_channel(contribution, PLAIN));
+        let summed = wired.sum(gpu, &scene, 4);
+        let found: Vec<f32> = summed.reconstruct(gpu, &scene, &settings, Format::R32Float, 9.0);
         let mut seen = [0, 0];
         for (value, surface) in found.iter().zip(&scene.surfaces) {
             if *surface == dark {
@@ -568,7 +565,7 @@ fn nothing_leaks_over_edges() {
                 plane_distance: 100.0,
                 ..settings
             };
-            let leaky: Vec<f32> = summed.reconstruct(&gpu, &scene, &loose, Format::R32Float, 9.0);
+            let leaky: Vec<f32> = summed.reconstruct(gpu, &scene, &loose, Format::R32Float, 9.0);
             let leaks = |(v, s): (&f32, &Surface)| *s == dark && *v > 1.0;
             assert!(leaky.iter().zip(&scene.surfaces).any(leaks));
         }
@@ -577,13 +574,13 @@ fn nothing_leaks_over_edges() {
 
 #[test]
 fn sky_stays_open() {
-    let gpu = gpu();
-    let scene = Scene::new(&gpu, Viewport::full(64, 48));
-    let mut wired = Wired::new(&gpu, AmbientOcclusion::default().effect());
+    let gpu = pipelines::gpu();
+    let scene = Scene::new(gpu, Viewport::full(64, 48));
+    let mut wired = Wired::new(gpu, AmbientOcclusion::default().effect());
     for levels in [1, 4] {
-        let summed = wired.sum(&gpu, &scene, levels);
+        let summed = wired.sum(gpu, &scene, levels);
         let settings = ReconstructorSettings::default();
-        let found: Vec<u8> = summed.reconstruct(&gpu, &scene, &settings, Format::R8Unorm, 0.0);
+        let found: Vec<u8> = summed.reconstruct(gpu, &scene, &settings, Format::R8Unorm, 0.0);
         let mut sky = 0;
         for (value, surface) in found.iter().zip(&scene.surfaces) {
             if *surface == Surface::Sky {
@@ -597,13 +594,13 @@ fn sky_stays_open() {
 
 #[test]
 fn one_level_is_resolved_as_it_is() {
-    let gpu = gpu();
-    let scene = Scene::with_normals(&gpu, Viewport::full(31, 17), hilly);
-    let mut wired = Wired::new(&gpu, one_channel(NOISE, PLAIN));
-    let summed = wired.sum(&gpu, &scene, 1);
+    let gpu = pipelines::gpu();
+    let scene = Scene::with_normals(gpu, Viewport::full(31, 17), hilly);
+    let mut wired = Wired::new(gpu, one_channel(NOISE, PLAIN));
+    let summed = wired.sum(gpu, &scene, 1);
     let settings = ReconstructorSettings::default();
-    let found: Vec<f32> = summed.reconstruct(&gpu, &scene, &settings, Format::R32Float, 9.0);
-    assert_eq!(found, summed.sums::<f32, f32>(&gpu, |s| s)[0]);
+    let found: Vec<f32> = summed.reconstruct(gpu, &scene, &settings, Format::R32Float, 9.0);
+    assert_eq!(found, summed.sums::<f32, f32>(gpu, |s| s)[0]);
     let scratch = summed
         .wired
         .reconstructor
@@ -614,16 +611,16 @@ fn one_level_is_resolved_as_it_is() {
 
 #[test]
 fn radius_zero_smooths_nothing() {
-    let gpu = gpu();
-    let scene = Scene::with_normals(&gpu, Viewport::full(31, 17), hilly);
-    let mut wired = Wired::new(&gpu, one_channel(NOISE, PLAIN));
-    let summed = wired.sum(&gpu, &scene, 4);
+    let gpu = pipelines::gpu();
+    let scene = Scene::with_normals(gpu, Viewport::full(31, 17), hilly);
+    let mut wired = Wired::new(gpu, one_channel(NOISE, PLAIN));
+    let summed = wired.sum(gpu, &scene, 4);
     let settings = ReconstructorSettings {
         radius: 0.0,
         ..ReconstructorSettings::default()
     };
-    let found: Vec<f32> = summed.reconstruct(&gpu, &scene, &settings, Format::R32Float, 9.0);
-    let sums = summed.sums::<f32, f32>(&gpu, |s| s);
+    let found: Vec<f32> = summed.reconstruct(gpu, &scene, &settings, Format::R32Float, 9.0);
+    let sums = summed.sums::<f32, f32>(gpu, |s| s);
     for (i, value) in found.iter().enumerate() {
         let total: f32 = sums.iter().map(|level| level[i]).sum();
         assert!(
@@ -635,8 +632,8 @@ fn radius_zero_smooths_nothing() {
 
 #[test]
 fn only_the_viewport_is_written() {
-    let gpu = gpu();
-    let mut wired = Wired::new(&gpu, one_channel(NOISE, PLAIN));
+    let gpu = pipelines::gpu();
+    let mut wired = Wired::new(gpu, one_channel(NOISE, PLAIN));
     let moved = Viewport {
         x: 7,
         y: 3,
@@ -644,13 +641,13 @@ fn only_the_viewport_is_written() {
         height: 21,
     };
     for levels in [1, 4] {
-        let scene = Scene::new(&gpu, moved);
-        let summed = wired.sum(&gpu, &scene, levels);
+        let scene = Scene::new(gpu, moved);
+        let summed = wired.sum(gpu, &scene, levels);
         let settings = ReconstructorSettings::default();
-        let all: Vec<f32> = summed.reconstruct(&gpu, &scene, &settings, Format::R32Float, 9.0);
-        let plain = Scene::new(&gpu, Viewport::full(moved.width, moved.height));
-        let summed = wired.sum(&gpu, &plain, levels);
-        let alone: Vec<f32> = summed.reconstruct(&gpu, &plain, &settings, Format::R32Float, 8.0);
+        let all: Vec<f32> = summed.reconstruct(gpu, &scene, &settings, Format::R32Float, 9.0);
+        let plain = Scene::new(gpu, Viewport::full(moved.width, moved.height));
+        let summed = wired.sum(gpu, &plain, levels);
+        let alone: Vec<f32> = summed.reconstruct(gpu, &plain, &settings, Format::R32Float, 8.0);
         for (i, value) in (0..).zip(&all) {
             let [x, y] = [i % scene.texture[0], i / scene.texture[0]];
             let (u, v) = (x.wrapping_sub(moved.x), y.wrapping_sub(moved.y));
@@ -666,7 +663,7 @@ fn only_the_viewport_is_written() {
 
 #[test]
 fn sums_that_are_not_finite_count_for_nothing() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let settings = ReconstructorSettings::default();
     let viewport = Viewport::full(48, 40);
     // Some pixels, single ones and a run, told by a tilt that only they have.
@@ -679,7 +676,7 @@ fn sums_that_are_not_finite_count_for_nothing() {
             n
         }
     };
-    let scene = Scene::with_normals(&gpu, viewport, tilted);
+    let scene = Scene::with_normals(gpu, viewport, tilted);
     for (name, bits) in [
         ("NaN", "0x7fc00000u"),
         ("inf", "0x7f800000u"),
@@ -689,18 +686,17 @@ fn sums_that_are_not_finite_count_for_nothing() {
         let contribution = format!(
             "if receiver_normal.x > 0.05 {{ return bitcast<f32>({bits} | (u32(distance2) & 0u)); }} {NOISE}"
         );
-        let mut wired = Wired::new(&gpu, one_channel(&contribution, PLAIN));
+        let mut wired = Wired::new(gpu, one_channel(&contribution, PLAIN));
         for levels in [1, 4] {
             let inputs = format!("{name}, {levels} levels");
-            let summed = wired.sum(&gpu, &scene, levels);
-            let sums = summed.sums::<f32, f64>(&gpu, f64::from);
+            let summed = wired.sum(gpu, &scene, levels);
+            let sums = summed.sums::<f32, f64>(gpu, f64::from);
             let bad = sums[0].iter().filter(|s| !s.is_finite()).count();
             assert!(bad > 15, "{inputs}: only {bad} sums are not finite");
-            let found: Vec<f32> =
-                summed.reconstruct(&gpu, &scene, &settings, Format::R32Float, 9.0);
+            let found: Vec<f32> = summed.reconstruct(gpu, &scene, &settings, Format::R32Float, 9.0);
             let left = found.iter().position(|v| !v.is_finite());
             assert_eq!(left, None, "{inputs}: the first pixel that is not finite");
-            let expected = summed.mirror(&gpu, &scene, &settings, &sums);
+            let expected = summed.mirror(gpu, &scene, &settings, &sums);
             assert_same(&wide(&found), &expected, &inputs);
             if levels == 1 {
                 for (i, value) in found.iter().enumerate() {
@@ -725,13 +721,13 @@ fn sums_that_are_not_finite_count_for_nothing() {
 
 #[test]
 fn targets_of_any_float_format_are_written() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let resolve = "fn resolve(sum: f32, albedo: vec3f) -> vec4f { return vec4f(1.0 / (1.0 + sum), 0.25, 0.5, 1.0); }\n";
-    let scene = Scene::new(&gpu, Viewport::full(31, 17));
-    let mut wired = Wired::new(&gpu, one_channel(NOISE, resolve));
-    let summed = wired.sum(&gpu, &scene, 3);
+    let scene = Scene::new(gpu, Viewport::full(31, 17));
+    let mut wired = Wired::new(gpu, one_channel(NOISE, resolve));
+    let summed = wired.sum(gpu, &scene, 3);
     let settings = ReconstructorSettings::default();
-    let exact: Vec<f32> = summed.reconstruct(&gpu, &scene, &settings, Format::R32Float, 0.0);
+    let exact: Vec<f32> = summed.reconstruct(gpu, &scene, &settings, Format::R32Float, 0.0);
     let byte = |v: u8| f32::from(v) / 255.0;
     // Within a step of the format, since drivers may round 16-bit floats toward zero: 2^-11 below 1.
     let (unorm, half) = (0.51 / 255.0, 1.0 / 2048.0);
@@ -746,26 +742,26 @@ fn targets_of_any_float_format_are_written() {
             }
         }
     };
-    let r8: Vec<u8> = summed.reconstruct(&gpu, &scene, &settings, Format::R8Unorm, 0.0);
+    let r8: Vec<u8> = summed.reconstruct(gpu, &scene, &settings, Format::R8Unorm, 0.0);
     check(
         Format::R8Unorm,
         unorm,
         r8.iter().map(|&v| [byte(v); 4]).collect(),
     );
-    let rgba8: Vec<[u8; 4]> = summed.reconstruct(&gpu, &scene, &settings, Format::Rgba8Unorm, 0.0);
+    let rgba8: Vec<[u8; 4]> = summed.reconstruct(gpu, &scene, &settings, Format::Rgba8Unorm, 0.0);
     check(
         Format::Rgba8Unorm,
         unorm,
         rgba8.iter().map(|v| v.map(byte)).collect(),
     );
-    let r16: Vec<u16> = summed.reconstruct(&gpu, &scene, &settings, Format::R16Float, 0.0);
+    let r16: Vec<u16> = summed.reconstruct(gpu, &scene, &settings, Format::R16Float, 0.0);
     check(
         Format::R16Float,
         half,
         r16.iter().map(|&v| [from_half(v); 4]).collect(),
     );
     let rgba16: Vec<[u16; 4]> =
-        summed.reconstruct(&gpu, &scene, &settings, Format::Rgba16Float, 0.0);
+        summed.reconstruct(gpu, &scene, &settings, Format::Rgba16Float, 0.0);
     check(
         Format::Rgba16Float,
         half,
@@ -783,7 +779,7 @@ fn from_half(bits: u16) -> f32 {
 
 #[test]
 fn formats_that_cannot_be_rendered_to_are_refused() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let device = &gpu.device;
     let plain = one_channel(ONE, PLAIN);
     for format in [
@@ -842,14 +838,14 @@ fn settings_out_of_range_are_refused() {
 #[test]
 #[allow(clippy::too_many_lines)] // A list.
 fn what_does_not_fit_is_refused() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let device = &gpu.device;
     let mut tinted = one_channel(ONE, PLAIN);
     tinted.albedo = true;
     let size = [8, 6];
-    let scene = Scene::new(&gpu, Viewport::full(8, 6));
-    let mut wired = Wired::new(&gpu, tinted);
-    let summed = wired.sum(&gpu, &scene, 3);
+    let scene = Scene::new(gpu, Viewport::full(8, 6));
+    let mut wired = Wired::new(gpu, tinted);
+    let summed = wired.sum(gpu, &scene, 3);
     let reconstructor = &summed.wired.reconstructor;
     let view = |width, height, levels| reconstructor.create_view(device, width, height, levels);
     refused(view(8, 6, 0), "Setting", "levels", "1 to 8");
@@ -933,12 +929,12 @@ fn what_does_not_fit_is_refused() {
     };
     let name = "ReconstructorInput::target";
     let format = Format::R32Float;
-    with(texture(&gpu, format, size, attachment)).expect("it fits");
-    let other = texture(&gpu, Format::R16Float, size, attachment);
+    with(texture(gpu, format, size, attachment)).expect("it fits");
+    let other = texture(gpu, Format::R16Float, size, attachment);
     refused(with(other), "Mismatch", name, "R16Float");
-    let unusable = texture(&gpu, format, size, TextureUsages::TEXTURE_BINDING);
+    let unusable = texture(gpu, format, size, TextureUsages::TEXTURE_BINDING);
     refused(with(unusable), "Usage", name, "RENDER_ATTACHMENT");
-    let small = texture(&gpu, format, [8, 5], attachment);
+    let small = texture(gpu, format, [8, 5], attachment);
     refused(with(small), "Size", name, "at least 8x6");
     let mut array = descriptor(format, size, attachment);
     array.size.depth_or_array_layers = 2;

@@ -7,13 +7,10 @@ use deep_screen_space::{
     scenes,
     wgpu::{self, TextureFormat as Format},
 };
-use support::gpu::{Ask, Gpu};
+use support::gpu::Gpu;
 use support::testing::multi_res;
 use support::testing::multi_res::{Frame, check_work, framed, random, read_image};
-
-fn gpu() -> Gpu {
-    Gpu::open(Ask::from_env()).expect("a graphics adapter; scripts/test.sh installs one")
-}
+use support::testing::pipelines;
 
 /// A frame with a radiance a pixel.
 struct Lit {
@@ -99,18 +96,18 @@ fn colors(i: u32) -> DVec3 {
 /// than 2 % of the brightest, and a half holds 1/2048 of itself.
 #[test]
 fn gpu_is_its_mirror() {
-    let gpu = gpu();
-    let pass = ScreenSpaceGi::new(&gpu.device, None).expect("pipelines");
+    let gpu = pipelines::gpu();
+    let pass = pipelines::screen_space_gi();
     for (name, radius) in [("cornell", 0.5), ("dominoes", 0.3), ("colonnade", 2.0)] {
         let scene = scenes::by_name(name).expect("a scene");
-        let lit = Lit::new(&gpu, Frame::of_scene(&gpu, &scene, [73, 47]), colors);
+        let lit = Lit::new(gpu, Frame::of_scene(gpu, &scene, [73, 47]), colors);
         for (samples, turn) in [(1, false), (64, false), (100, true)] {
             let settings = ScreenSpaceGiSettings {
                 radius,
                 samples,
                 turn,
             };
-            let found = lit.record(&gpu, &pass, &settings);
+            let found = lit.record(gpu, pass, &settings);
             let expected = lit.mirror(&settings);
             let brightest = expected
                 .iter()
@@ -161,8 +158,8 @@ fn corner(gpu: &Gpu, camera: &Camera, radiance: DVec3) -> Lit {
 /// with what is farther than r left out, at most that. One area for all senders is a guess: half to twice as much is near.
 #[test]
 fn a_wall_lights_the_floor() {
-    let gpu = gpu();
-    let pass = ScreenSpaceGi::new(&gpu.device, None).expect("pipelines");
+    let gpu = pipelines::gpu();
+    let pass = pipelines::screen_space_gi();
     let camera = Camera::look_at(
         DVec3::new(0.0, 1.5, 0.0),
         DVec3::new(0.0, -0.6, -4.0),
@@ -177,8 +174,8 @@ fn a_wall_lights_the_floor() {
         turn: false,
     };
     let color = DVec3::new(1.0, 0.5, 0.0);
-    let lit = corner(&gpu, &camera, color);
-    let found = lit.record(&gpu, &pass, &settings);
+    let lit = corner(gpu, &camera, color);
+    let found = lit.record(gpu, pass, &settings);
     let receivers = lit.frame.receivers();
     let mut compared = 0;
     let mut ratios = Vec::new();
@@ -234,29 +231,29 @@ fn a_wall_lights_the_floor() {
     );
     assert!(compared >= 40, "{compared}");
     // Linear in the light, and nothing comes of nothing.
-    let twice = corner(&gpu, &camera, 2.0 * color).record(&gpu, &pass, &settings);
+    let twice = corner(gpu, &camera, 2.0 * color).record(gpu, pass, &settings);
     for (i, (one, two)) in found.iter().zip(&twice).enumerate() {
         assert!(
             (2.0 * *one - *two).abs().max_element() < 2e-3,
             "pixel {i}: {one}, {two}"
         );
     }
-    let dark = corner(&gpu, &camera, DVec3::ZERO).record(&gpu, &pass, &settings);
+    let dark = corner(gpu, &camera, DVec3::ZERO).record(gpu, pass, &settings);
     assert!(dark.iter().all(|v| *v == DVec3::ZERO));
 }
 
 /// Light that is not finite counts for nothing, and what would overflow a half is as bright as one holds.
 #[test]
 fn garbage_is_dark_and_glare_is_finite() {
-    let gpu = gpu();
-    let pass = ScreenSpaceGi::new(&gpu.device, None).expect("pipelines");
+    let gpu = pipelines::gpu();
+    let pass = pipelines::screen_space_gi();
     let scene = scenes::cornell();
     let settings = ScreenSpaceGiSettings::default();
     for bad in [f64::NAN, f64::INFINITY, -1.0, 1e30] {
-        let lit = Lit::new(&gpu, Frame::of_scene(&gpu, &scene, [48, 32]), |_| {
+        let lit = Lit::new(gpu, Frame::of_scene(gpu, &scene, [48, 32]), |_| {
             DVec3::splat(bad)
         });
-        let found = lit.record(&gpu, &pass, &settings);
+        let found = lit.record(gpu, pass, &settings);
         assert!(
             found
                 .iter()
@@ -272,20 +269,20 @@ fn garbage_is_dark_and_glare_is_finite() {
             right::perspective_infinite_reverse(1.0, 1.5, 0.1),
             Viewport::full(size[0], size[1]),
         );
-        let sky = Frame::cast(&gpu, &camera, Format::R32Float, |_, _, _| None);
-        let lit = Lit::new(&gpu, sky, |_| DVec3::ONE);
-        let found = lit.record(&gpu, &pass, &settings);
+        let sky = Frame::cast(gpu, &camera, Format::R32Float, |_, _, _| None);
+        let lit = Lit::new(gpu, sky, |_| DVec3::ONE);
+        let found = lit.record(gpu, pass, &settings);
         assert!(found.iter().all(|v| *v == DVec3::ZERO));
     }
 }
 
 #[test]
 fn lists_compute_what_the_whole_image_has() {
-    let gpu = gpu();
-    let pass = ScreenSpaceGi::new(&gpu.device, None).expect("pipelines");
+    let gpu = pipelines::gpu();
+    let pass = pipelines::screen_space_gi();
     let lit = Lit::new(
-        &gpu,
-        Frame::of_scene(&gpu, &scenes::cornell(), [77, 53]),
+        gpu,
+        Frame::of_scene(gpu, &scenes::cornell(), [77, 53]),
         colors,
     );
     let settings = ScreenSpaceGiSettings {
@@ -294,7 +291,7 @@ fn lists_compute_what_the_whole_image_has() {
         ..ScreenSpaceGiSettings::default()
     };
     check_work(
-        &gpu,
+        gpu,
         &lit.frame,
         Format::Rgba16Float,
         |encoder, work, target| {
@@ -306,15 +303,15 @@ fn lists_compute_what_the_whole_image_has() {
 
 #[test]
 fn what_cannot_be_is_refused() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let device = &gpu.device;
-    let pass = ScreenSpaceGi::new(device, None).expect("pipelines");
+    let pass = pipelines::screen_space_gi();
     let camera = multi_res::camera(
         right::perspective_infinite_reverse(1.0, 1.0, 0.1),
         Viewport::full(16, 8),
     );
-    let sky = Frame::cast(&gpu, &camera, Format::R32Float, |_, _, _| None);
-    let mut lit = Lit::new(&gpu, sky, |_| DVec3::ONE);
+    let sky = Frame::cast(gpu, &camera, Format::R32Float, |_, _, _| None);
+    let mut lit = Lit::new(gpu, sky, |_| DVec3::ONE);
     let good = ScreenSpaceGiSettings::default();
     for (field, settings) in [
         (

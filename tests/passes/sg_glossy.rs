@@ -6,6 +6,7 @@ use std::{
     f64::consts::{PI, TAU},
     sync::LazyLock,
 };
+use support::testing::pipelines;
 
 use deep_screen_space::{
     Components, Error, GBuffer, Gatherer, HullSegment, HullVertex, Light, SgHull, SgHullCounts,
@@ -21,21 +22,21 @@ use deep_screen_space::{
     spherical_gaussian::DLightMoments,
     wgpu::{self, TextureFormat as Format, TextureView},
 };
-use support::gpu::{Ask, Gpu};
+use support::gpu::Gpu;
 use support::testing::shot::{Shot, camera_in, camera_of};
 
 const FORMAT: Format = Format::Rgba32Float;
 
 /// Drivers compile for seconds.
 struct Lab {
-    gpu: Gpu,
+    gpu: &'static Gpu,
     gatherer: Gatherer,
     /// Without gloss, and with.
     hulls: [SgHull; 2],
 }
 
 static LAB: LazyLock<Lab> = LazyLock::new(|| {
-    let gpu = Gpu::open(Ask::from_env()).expect("a graphics adapter; scripts/test.sh installs one");
+    let gpu = pipelines::gpu();
     let gatherer = Gatherer::lights(&gpu.device);
     let hulls = [false, true].map(|glossy| {
         let descriptor = SgHullDescriptor {
@@ -254,7 +255,7 @@ fn pixels_are_those_of_the_mirror() {
     };
     for name in ["cornell", "colonnade"] {
         let scene = scenes::by_name(name).expect("a scene");
-        let shot = Shot::new(&LAB.gpu, &scene, &camera_in(&scene, 0, viewport));
+        let shot = Shot::new(LAB.gpu, &scene, &camera_in(&scene, 0, viewport));
         let eye = shot.camera.eye();
         let receivers = shot.receivers(eye);
         let values = [0.1, 0.3, 0.6, 1.0, f32::NAN, 2.0, f32::INFINITY];
@@ -335,7 +336,7 @@ fn pixels_are_those_of_the_mirror() {
 #[test]
 fn a_directional_light_has_its_closed_value() {
     let scene = scenes::cornell();
-    let shot = Shot::new(&LAB.gpu, &scene, &camera_of(&scene, 0, [64, 64]));
+    let shot = Shot::new(LAB.gpu, &scene, &camera_of(&scene, 0, [64, 64]));
     let receivers = shot.receivers(shot.camera.eye());
     let albedo = black(&shot);
     let lights = [directional(DVec3::new(0.3, -1.0, -0.5), [2.0; 3])];
@@ -398,7 +399,7 @@ fn a_directional_light_has_its_closed_value() {
 #[test]
 fn uniform_light_is_not_exceeded() {
     let scene = scenes::by_name("colonnade").expect("a scene");
-    let shot = Shot::new(&LAB.gpu, &scene, &camera_of(&scene, 0, [64, 64]));
+    let shot = Shot::new(LAB.gpu, &scene, &camera_of(&scene, 0, [64, 64]));
     let receivers = shot.receivers(shot.camera.eye());
     let albedo = black(&shot);
     let lights = uniform_light(400);
@@ -441,7 +442,7 @@ fn uniform_light_is_not_exceeded() {
 #[test]
 fn extremes_are_numbers() {
     let scene = scenes::cornell();
-    let mut shot = Shot::new(&LAB.gpu, &scene, &camera_of(&scene, 0, [64, 64]));
+    let mut shot = Shot::new(LAB.gpu, &scene, &camera_of(&scene, 0, [64, 64]));
     let eye = shot.camera.eye();
     let on_surface = shot
         .receivers(eye)
@@ -473,7 +474,7 @@ fn extremes_are_numbers() {
             normal.as_vec3().extend(0.0).to_array()
         })
         .collect();
-    shot.upload(&LAB.gpu, &depth, &normals);
+    shot.upload(LAB.gpu, &depth, &normals);
     let values = [
         0.0,
         1e-30,
@@ -533,7 +534,7 @@ fn extremes_are_numbers() {
 #[test]
 fn it_is_added() {
     let scene = scenes::cornell();
-    let shot = Shot::new(&LAB.gpu, &scene, &camera_of(&scene, 0, [64, 64]));
+    let shot = Shot::new(LAB.gpu, &scene, &camera_of(&scene, 0, [64, 64]));
     let roughness = roughness_of(&shot, |_| 0.4);
     let lights = lamps();
     let job = |roughness| Job {

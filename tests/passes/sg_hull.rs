@@ -5,6 +5,7 @@ use std::{
     collections::{BTreeMap, BTreeSet},
     sync::LazyLock,
 };
+use support::testing::pipelines;
 
 use deep_screen_space::{
     Camera, Components, Error, Gatherer, GathererBinding, HullSegment, HullVertex, Light,
@@ -25,7 +26,7 @@ use deep_screen_space::{
 };
 use support::testing::shot::{Shot, camera_of};
 use support::{
-    gpu::{Ask, Gpu},
+    gpu::Gpu,
     hull::{HullRenderer, Lamp, difference},
     raster::{Raster, perspective},
     scene::SceneBuffers,
@@ -35,10 +36,6 @@ const SKY: u32 = 0xffff_ffff;
 const FORMAT: Format = Format::Rgba32Float;
 /// What no pixel is.
 const UNTOUCHED: f64 = -7.0;
-
-fn gpu() -> Gpu {
-    Gpu::open(Ask::from_env()).expect("a graphics adapter; scripts/test.sh installs one")
-}
 
 fn hull(gpu: &Gpu, gatherer: &Gatherer, components: Components) -> SgHull {
     let descriptor = SgHullDescriptor {
@@ -54,15 +51,15 @@ fn hull(gpu: &Gpu, gatherer: &Gatherer, components: Components) -> SgHull {
 
 /// What most tests need: drivers compile for seconds.
 struct Lab {
-    gpu: Gpu,
+    gpu: &'static Gpu,
     gatherer: Gatherer,
     hull: SgHull,
 }
 
 static LAB: LazyLock<Lab> = LazyLock::new(|| {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let gatherer = Gatherer::lights(&gpu.device);
-    let hull = hull(&gpu, &gatherer, Components::UnionFind);
+    let hull = hull(gpu, &gatherer, Components::UnionFind);
     Lab {
         gpu,
         gatherer,
@@ -244,13 +241,13 @@ fn quad_sides(
 
 #[test]
 fn segments_are_components() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let gatherer = Gatherer::lights(&gpu.device);
     let both = [Components::UnionFind, Components::Propagation]
-        .map(|components| (components, hull(&gpu, &gatherer, components)));
+        .map(|components| (components, hull(gpu, &gatherer, components)));
     for (name, view) in [("colonnade", 0), ("fence", 1)] {
         let scene = scenes::by_name(name).expect("a scene");
-        let shot = Shot::new(&gpu, &scene, &camera_of(&scene, view, [128, 90]));
+        let shot = Shot::new(gpu, &scene, &camera_of(&scene, view, [128, 90]));
         let gather = gatherer
             .bind_lights(&gpu.device, &lamps(), shot.camera.eye())
             .expect("lights");
@@ -267,7 +264,7 @@ fn segments_are_components() {
             for (components, hull) in &both {
                 let inputs = format!("{name} {view}, quad {quad}, {components:?}");
                 let recorded = record(
-                    &gpu,
+                    gpu,
                     hull,
                     &shot,
                     &gather,
@@ -772,7 +769,7 @@ fn extreme_lights() {
 
 /// A scene drawn for a hull, and its lamp.
 struct Stage {
-    gpu: Gpu,
+    gpu: &'static Gpu,
     lamp: Lamp,
     buffers: SceneBuffers,
     camera: Camera,
@@ -783,13 +780,13 @@ type Picture = Vec<[f32; 4]>;
 
 impl Stage {
     fn new(name: &str, size: [u32; 2]) -> Self {
-        let gpu = gpu();
+        let gpu = pipelines::gpu();
         let scene = scenes::by_name(name).expect("a scene");
         let camera = camera_of(&scene, 0, size);
-        let buffers = SceneBuffers::new(&gpu, &scene);
+        let buffers = SceneBuffers::new(gpu, &scene);
         Self {
             lamp: Lamp::of(&scene).expect("a lamp"),
-            raster: Raster::draw(&gpu, &buffers, &camera),
+            raster: Raster::draw(gpu, &buffers, &camera),
             gpu,
             buffers,
             camera,
@@ -797,9 +794,9 @@ impl Stage {
     }
 
     fn renderer(&self, size: SgHullSize) -> (HullRenderer, GathererBinding) {
-        let renderer = HullRenderer::new(&self.gpu, size, Components::default()).expect("it fits");
+        let renderer = HullRenderer::new(self.gpu, size, Components::default()).expect("it fits");
         let lights = renderer
-            .lights(&self.gpu, &self.buffers, &self.lamp, self.camera.eye())
+            .lights(self.gpu, &self.buffers, &self.lamp, self.camera.eye())
             .expect("lights");
         (renderer, lights)
     }
@@ -809,12 +806,12 @@ impl Stage {
         renderer: &HullRenderer,
         lights: &GathererBinding,
     ) -> (Picture, SgHullCounts) {
-        let rendered = renderer.render(&self.gpu, &self.raster, &self.camera, lights);
-        (rendered.expect("a picture").1, renderer.counts(&self.gpu))
+        let rendered = renderer.render(self.gpu, &self.raster, &self.camera, lights);
+        (rendered.expect("a picture").1, renderer.counts(self.gpu))
     }
 
     fn truth(&self, renderer: &HullRenderer, lights: &GathererBinding) -> Picture {
-        let rendered = renderer.render_exact(&self.gpu, &self.raster, &self.camera, lights);
+        let rendered = renderer.render_exact(self.gpu, &self.raster, &self.camera, lights);
         rendered.expect("a picture").1
     }
 }
@@ -896,9 +893,9 @@ fn splits_without_room_are_pixels() {
 /// A square light above a point, by the form factor of a parallel square.
 #[test]
 fn polygons_have_their_form_factor() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let gatherer = Gatherer::polygons(&gpu.device);
-    let hull = hull(&gpu, &gatherer, Components::UnionFind);
+    let hull = hull(gpu, &gatherer, Components::UnionFind);
     // A plane seen from above, orthographic: every pixel at y = 0.
     let projection = DMat4::from_cols(
         DVec4::X / 1e-3,
@@ -993,10 +990,10 @@ fn refused<T>(result: Result<T, Error>, kind: &str, thing: &str) {
 
 #[test]
 fn what_does_not_fit_is_refused() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let device = &gpu.device;
     let gatherer = Gatherer::lights(device);
-    let hull = hull(&gpu, &gatherer, Components::UnionFind);
+    let hull = hull(gpu, &gatherer, Components::UnionFind);
     let with = |change: &dyn Fn(&mut SgHullSettings)| {
         let mut settings = SgHullSettings::default();
         change(&mut settings);
@@ -1035,7 +1032,7 @@ fn what_does_not_fit_is_refused() {
     refused(create(many), "Setting", "::splits");
 
     let scene = scenes::cornell();
-    let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, [16, 16]));
+    let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, [16, 16]));
     let target = gpu.target(FORMAT, 16, 16);
     let other = gpu.target(Format::Rgba16Float, 16, 16);
     let gather = gatherer

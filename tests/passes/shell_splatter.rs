@@ -16,16 +16,9 @@ use deep_screen_space::{
     scenes::{self, Part, Scene},
     wgpu,
 };
+use support::testing::pipelines;
 use support::testing::shot::{Shot, camera_of};
-use support::{
-    gpu::{Ask, Gpu},
-    raster::perspective,
-    scene::SceneBuffers,
-};
-
-fn gpu() -> Gpu {
-    Gpu::open(Ask::from_env()).expect("a graphics adapter; scripts/test.sh installs one")
-}
+use support::{gpu::Gpu, raster::perspective, scene::SceneBuffers};
 
 /// What a run leaves.
 struct Run {
@@ -62,24 +55,15 @@ impl Options {
 
 /// Pipelines, which take longer to compile than most tests to run.
 struct Passes {
-    surfelizer: Surfelizer,
-    splatter: ShellSplatter,
+    surfelizer: &'static Surfelizer,
+    splatter: &'static ShellSplatter,
 }
 
 impl Passes {
-    fn new(gpu: &Gpu, effect: &Effect, subgroups: bool) -> Self {
+    fn new(effect: &Effect, subgroups: bool) -> Self {
         Self {
-            surfelizer: Surfelizer::new(&gpu.device, None).expect("pipelines"),
-            splatter: ShellSplatter::new(
-                &gpu.device,
-                &ShellSplatterDescriptor {
-                    effect,
-                    subgroups,
-                    statistics: false,
-                    cache: None,
-                },
-            )
-            .expect("pipelines"),
+            surfelizer: pipelines::surfelizer(),
+            splatter: pipelines::shell_splatter(effect, subgroups),
         }
     }
 }
@@ -259,7 +243,7 @@ fn compare(gpu: &Gpu, run: &Run, effect: AmbientOcclusion, settings: &SplatSetti
 
 #[test]
 fn sums_match_the_mirror() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     for (name, view, size, settings, two_sided) in [
         ("cornell", 0, [64, 48], splat_settings(4, 0.02), false),
         ("cornell", 1, [61, 47], splat_settings(5, 0.05), true),
@@ -287,15 +271,15 @@ fn sums_match_the_mirror() {
         ),
     ] {
         let scene = scenes::by_name(name).expect("a scene");
-        let shot = Shot::new(&gpu, &scene, &camera_of(&scene, view, size));
+        let shot = Shot::new(gpu, &scene, &camera_of(&scene, view, size));
         let effect = AmbientOcclusion {
             two_sided,
             ..AmbientOcclusion::default()
         };
-        let passes = Passes::new(&gpu, &effect.effect(), false);
-        let run = run(&gpu, &shot, &passes, &Options::new(settings));
+        let passes = Passes::new(&effect.effect(), false);
+        let run = run(gpu, &shot, &passes, &Options::new(settings));
         assert_eq!(run.counts.overflow(), 0, "{name}");
-        compare(&gpu, &run, effect, &settings, name);
+        compare(gpu, &run, effect, &settings, name);
     }
 }
 
@@ -324,28 +308,28 @@ fn lean(shot: &mut Shot, gpu: &Gpu, angle: f64) {
 /// With the surface's own share, as with shading normals that are its own.
 #[test]
 fn own_surfaces_match_the_mirror() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     for (name, view, size, angle, overlap) in [
         ("dominoes", 1, [61, 47], 0.8, Overlap::Add),
         ("cornell", 0, [48, 33], 1.2, Overlap::Independent),
         ("fence", 0, [40, 40], 0.0, Overlap::Add),
     ] {
         let scene = scenes::by_name(name).expect("a scene");
-        let mut shot = Shot::new(&gpu, &scene, &camera_of(&scene, view, size));
-        lean(&mut shot, &gpu, angle);
+        let mut shot = Shot::new(gpu, &scene, &camera_of(&scene, view, size));
+        lean(&mut shot, gpu, angle);
         let effect = AmbientOcclusion {
             own_surface: true,
             overlap,
             ..AmbientOcclusion::default()
         };
         let settings = splat_settings(2, 0.03);
-        let passes = Passes::new(&gpu, &effect.effect(), false);
-        let run = run(&gpu, &shot, &passes, &Options::new(settings));
-        compare(&gpu, &run, effect, &settings, name);
+        let passes = Passes::new(&effect.effect(), false);
+        let run = run(gpu, &shot, &passes, &Options::new(settings));
+        compare(gpu, &run, effect, &settings, name);
 
         // The normals that are found are the surface's, but for pixels between edges that leave no line to follow: two in
         // a row or a column, as of thin dominoes at this size.
-        let receivers = run.receivers(&gpu);
+        let receivers = run.receivers(gpu);
         let found = surface_normals(&receivers, size);
         let pixels = found.iter().zip(&shot.pixels);
         let off = pixels
@@ -397,7 +381,7 @@ fn floor_and_wall() -> Scene {
 /// wall, which a normal that leans down from the wall sees through it.
 #[test]
 fn leaning_normals_see_their_own_surface() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let scene = floor_and_wall();
     let size = [96, 64];
     let camera = Camera::look_at(
@@ -415,19 +399,19 @@ fn leaning_normals_see_their_own_surface() {
                 overlap,
                 ..AmbientOcclusion::default()
             };
-            (effect, Passes::new(&gpu, &effect.effect(), false))
+            (effect, Passes::new(&effect.effect(), false))
         });
         // What the effect is off by anyway: exp(-sum) is for what lies independently.
         let mut upright = None;
         for degrees in [0.0_f64, 20.0, 45.0, 70.0] {
             let angle = degrees.to_radians();
-            let mut shot = Shot::new(&gpu, &scene, &camera);
-            lean(&mut shot, &gpu, angle);
+            let mut shot = Shot::new(gpu, &scene, &camera);
+            lean(&mut shot, gpu, angle);
             let truth = about_shading_normals(&shot);
             let [without, with] = passes.each_ref().map(|(effect, passes)| {
                 let mut options = Options::new(splat_settings(1, 0.01));
                 options.surfelizer.radius_pixels = 1.0;
-                let sums = run(&gpu, &shot, passes, &options).sums(&gpu, 0);
+                let sums = run(gpu, &shot, passes, &options).sums(gpu, 0);
                 let errors: Vec<f64> = (sums.iter().zip(&truth))
                     .filter_map(|(&sum, truth)| Some(effect.visibility(f64::from(sum)) - (*truth)?))
                     .collect();
@@ -483,8 +467,8 @@ fn about_shading_normals(shot: &Shot) -> Vec<Option<f64>> {
 /// A square of side 2 s at height h over a floor pixel, of one surfel: the sum is the form factor of a disk of its area.
 #[test]
 fn one_surfel_gives_the_form_factor() {
-    let gpu = gpu();
-    let passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), false);
+    let gpu = pipelines::gpu();
+    let passes = Passes::new(&AmbientOcclusion::default().effect(), false);
     for (height, lean) in [(0.5_f64, 0.0_f64), (1.0, 0.0), (1.0, 0.7), (3.0, -0.4)] {
         // A small triangle facing down, centred `lean` beside the point below it.
         let s = 0.05_f64;
@@ -528,18 +512,18 @@ fn one_surfel_gives_the_form_factor() {
             Viewport::full(1, 1),
         )
         .expect("a camera");
-        let shot = Shot::new(&gpu, &scene, &camera);
+        let shot = Shot::new(gpu, &scene, &camera);
         let settings = splat_settings(1, 1e-6);
         let mut options = Options::new(settings);
         options.surfelizer.radius_pixels = 1000.0;
         options.surfelizer.density = f32::INFINITY;
-        let run = run(&gpu, &shot, &passes, &options);
+        let run = run(gpu, &shot, &passes, &options);
         let area = 3.0 * 3.0_f64.sqrt() / 4.0 * s * s;
         let r2 = area / std::f64::consts::PI;
         let d2 = height * height + lean * lean;
         // Both cosines are height / distance: floor and triangle are parallel.
         let expected = r2 / (d2 + r2) * height * height / d2;
-        let sum = f64::from(run.sums(&gpu, 0)[0]);
+        let sum = f64::from(run.sums(gpu, 0)[0]);
         // The floor's own surfels lie in its plane. 1e-3: the pixel's ray meets the floor a rounding off the origin.
         assert!(
             (sum - expected).abs() <= 1e-3 * expected,
@@ -552,11 +536,11 @@ fn one_surfel_gives_the_form_factor() {
 /// all surfels. 64 of them: the mean's error is taken from their spread, and 4.5 of it bounds some thousand pixels.
 #[test]
 fn levels_change_nothing_in_expectation() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let scene = scenes::by_name("cornell").expect("a scene");
-    let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 1, [24, 24]));
-    let passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), false);
-    let full = run(&gpu, &shot, &passes, &Options::new(splat_settings(1, 1e-9))).total(&gpu, 1);
+    let shot = Shot::new(gpu, &scene, &camera_of(&scene, 1, [24, 24]));
+    let passes = Passes::new(&AmbientOcclusion::default().effect(), false);
+    let full = run(gpu, &shot, &passes, &Options::new(splat_settings(1, 1e-9))).total(gpu, 1);
     let seeds = 64;
     let mut sum = vec![0.0_f64; full.len()];
     let mut square = vec![0.0_f64; full.len()];
@@ -565,7 +549,7 @@ fn levels_change_nothing_in_expectation() {
             seed,
             ..splat_settings(3, 0.05)
         };
-        let total = run(&gpu, &shot, &passes, &Options::new(settings)).total(&gpu, 3);
+        let total = run(gpu, &shot, &passes, &Options::new(settings)).total(gpu, 3);
         for (i, v) in total.iter().enumerate() {
             sum[i] += f64::from(*v);
             square[i] += f64::from(*v) * f64::from(*v);
@@ -590,14 +574,14 @@ fn levels_change_nothing_in_expectation() {
 /// Smaller thresholds, fewer levels and smaller surfels approach the sum over the finest cloud.
 #[test]
 fn converges_to_the_sum_over_all_surfels() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let scene = scenes::by_name("cornell").expect("a scene");
-    let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 1, [32, 32]));
-    let passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), false);
+    let shot = Shot::new(gpu, &scene, &camera_of(&scene, 1, [32, 32]));
+    let passes = Passes::new(&AmbientOcclusion::default().effect(), false);
     let image = |radius_pixels: f32, levels: u32, epsilon: f32| {
         let mut options = Options::new(splat_settings(levels, epsilon));
         options.surfelizer.radius_pixels = radius_pixels;
-        run(&gpu, &shot, &passes, &options).total(&gpu, levels)
+        run(gpu, &shot, &passes, &options).total(gpu, levels)
     };
     let truth = image(0.35, 1, 1e-9);
     let rmse = |image: &[f32]| {
@@ -701,9 +685,9 @@ impl effects::Effect for Emission {
 
 #[test]
 fn an_effect_of_ones_own_reads_materials() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let scene = scenes::by_name("cornell").expect("a scene");
-    let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, [40, 40]));
+    let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, [40, 40]));
     let materials: Vec<Material> = (0..scene.materials.len())
         .map(|i| Material {
             emission: [0.0, 1.0, 2.0].map(|c| {
@@ -723,13 +707,13 @@ fn an_effect_of_ones_own_reads_materials() {
     let mut options = Options::new(settings);
     options.materials = Some(materials.clone());
     let run = run(
-        &gpu,
+        gpu,
         &shot,
-        &Passes::new(&gpu, &emission_effect(), false),
+        &Passes::new(&emission_effect(), false),
         &options,
     );
     let disks = run.disks(Some(&materials));
-    let receivers = run.receivers(&gpu);
+    let receivers = run.receivers(gpu);
     let mut brightest = 0.0_f32;
     for level in 0..3 {
         let mirror = splat(
@@ -760,7 +744,7 @@ fn an_effect_of_ones_own_reads_materials() {
 
 #[test]
 fn subgroups_give_the_same_sums() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     if !gpu
         .device
         .features()
@@ -781,24 +765,24 @@ fn subgroups_give_the_same_sums() {
         return;
     }
     let scene = scenes::by_name("fence").expect("a scene");
-    let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 1, [61, 45]));
+    let shot = Shot::new(gpu, &scene, &camera_of(&scene, 1, [61, 45]));
     let effect = AmbientOcclusion::default().effect();
     let options = Options::new(splat_settings(4, 0.02));
-    let plain = run(&gpu, &shot, &Passes::new(&gpu, &effect, false), &options).total(&gpu, 4);
-    let subgroups = run(&gpu, &shot, &Passes::new(&gpu, &effect, true), &options).total(&gpu, 4);
+    let plain = run(gpu, &shot, &Passes::new(&effect, false), &options).total(gpu, 4);
+    let subgroups = run(gpu, &shot, &Passes::new(&effect, true), &options).total(gpu, 4);
     // The same surfels in the same order: bit for bit.
     assert!(plain == subgroups);
 }
 
 #[test]
 fn two_runs_give_the_same_sums() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let scene = scenes::by_name("fence").expect("a scene");
-    let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, [48, 48]));
-    let passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), false);
+    let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, [48, 48]));
+    let passes = Passes::new(&AmbientOcclusion::default().effect(), false);
     let options = Options::new(splat_settings(5, 0.02));
-    let first = run(&gpu, &shot, &passes, &options).total(&gpu, 5);
-    let second = run(&gpu, &shot, &passes, &options).total(&gpu, 5);
+    let first = run(gpu, &shot, &passes, &options).total(gpu, 5);
+    let second = run(gpu, &shot, &passes, &options).total(gpu, 5);
     assert!(first.iter().any(|v| *v > 0.1));
     assert!(first == second);
 }
@@ -806,10 +790,10 @@ fn two_runs_give_the_same_sums() {
 /// What must hold whatever the settings: sums are finite and not negative, and where a mirror is cheap, equal to it.
 #[test]
 fn extremes_of_settings_and_sizes() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let scene = scenes::by_name("cornell").expect("a scene");
     let effect = AmbientOcclusion::default();
-    let passes = Passes::new(&gpu, &effect.effect(), false);
+    let passes = Passes::new(&effect.effect(), false);
     for (size, levels, epsilon, radius, unbounded) in [
         ([1, 1], 1, 0.01, f32::INFINITY, true),
         ([1, 1], 8, 0.01, f32::INFINITY, true),
@@ -827,7 +811,7 @@ fn extremes_of_settings_and_sizes() {
         let name = format!(
             "{size:?}, levels {levels}, epsilon {epsilon}, radius {radius}, unbounded {unbounded}"
         );
-        let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, size));
+        let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, size));
         let settings = SplatSettings {
             levels,
             epsilon,
@@ -837,15 +821,15 @@ fn extremes_of_settings_and_sizes() {
         };
         let mut options = Options::new(settings);
         options.surfelizer.placement = Placement::Random;
-        let run = run(&gpu, &shot, &passes, &options);
+        let run = run(gpu, &shot, &passes, &options);
         for level in 0..levels {
-            for v in run.sums(&gpu, level) {
+            for v in run.sums(gpu, level) {
                 assert!(v.is_finite() && v >= 0.0, "{name}: level {level} has {v}");
             }
         }
-        compare(&gpu, &run, effect, &settings, &name);
+        compare(gpu, &run, effect, &settings, &name);
         if radius == 0.0 || (epsilon >= 1.0 && !unbounded) {
-            assert!(run.total(&gpu, levels).iter().all(|v| *v == 0.0), "{name}");
+            assert!(run.total(gpu, levels).iter().all(|v| *v == 0.0), "{name}");
         }
     }
 }
@@ -853,18 +837,18 @@ fn extremes_of_settings_and_sizes() {
 /// Scenes of any scale and place give the picture of the same scene at scale 1 at the origin.
 #[test]
 fn scale_and_place_change_nothing() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let scene = scenes::by_name("cornell").expect("a scene");
-    let passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), false);
+    let passes = Passes::new(&AmbientOcclusion::default().effect(), false);
     let settings = splat_settings(1, 1e-6);
     let camera = camera_of(&scene, 1, [32, 32]);
     let plain = run(
-        &gpu,
-        &Shot::new(&gpu, &scene, &camera),
+        gpu,
+        &Shot::new(gpu, &scene, &camera),
         &passes,
         &Options::new(settings),
     )
-    .total(&gpu, 1);
+    .total(gpu, 1);
     for (scale, shift, tolerance) in [
         (1e-4_f64, DVec3::ZERO, 1e-5),
         (1e5, DVec3::ZERO, 1e-5),
@@ -889,12 +873,12 @@ fn scale_and_place_change_nothing() {
         )
         .expect("a camera");
         let total = run(
-            &gpu,
-            &Shot::new(&gpu, &moved, &camera),
+            gpu,
+            &Shot::new(gpu, &moved, &camera),
             &passes,
             &Options::new(settings),
         )
-        .total(&gpu, 1);
+        .total(gpu, 1);
         let square: f64 = total
             .iter()
             .zip(&plain)
@@ -911,9 +895,9 @@ fn scale_and_place_change_nothing() {
 
 #[test]
 fn nothing_to_splat_gives_zero() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let mut scene = scenes::by_name("cornell").expect("a scene");
-    let passes = Passes::new(&gpu, &AmbientOcclusion::default().effect(), false);
+    let passes = Passes::new(&AmbientOcclusion::default().effect(), false);
     // A sky-only view: looks away from everything.
     let camera = Camera::look_at(
         DVec3::new(0.0, 0.0, 1e4),
@@ -924,27 +908,27 @@ fn nothing_to_splat_gives_zero() {
     )
     .expect("a camera");
     let sky = run(
-        &gpu,
-        &Shot::new(&gpu, &scene, &camera),
+        gpu,
+        &Shot::new(gpu, &scene, &camera),
         &passes,
         &Options::new(splat_settings(3, 0.01)),
     );
-    assert!(sky.total(&gpu, 3).iter().all(|v| *v == 0.0));
+    assert!(sky.total(gpu, 3).iter().all(|v| *v == 0.0));
     // An empty scene under the G-buffer of a full one.
     let camera = camera_of(&scene, 0, [20, 20]);
-    let mut shot = Shot::new(&gpu, &scene, &camera);
+    let mut shot = Shot::new(gpu, &scene, &camera);
     scene.indices.clear();
     scene.parts.clear();
-    shot.buffers = SceneBuffers::new(&gpu, &scene);
-    let empty = run(&gpu, &shot, &passes, &Options::new(splat_settings(3, 0.01)));
+    shot.buffers = SceneBuffers::new(gpu, &scene);
+    let empty = run(gpu, &shot, &passes, &Options::new(splat_settings(3, 0.01)));
     assert_eq!(empty.counts, SurfelCounts::default());
-    assert!(empty.total(&gpu, 3).iter().all(|v| *v == 0.0));
+    assert!(empty.total(gpu, 3).iter().all(|v| *v == 0.0));
 }
 
 /// Two eyes share one cloud, its clusters and the pipelines, in one submission.
 #[test]
 fn two_views_share_a_cloud() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let device = &gpu.device;
     let scene = scenes::by_name("dominoes").expect("a scene");
     let left = camera_of(&scene, 0, [32, 24]);
@@ -959,21 +943,12 @@ fn two_views_share_a_cloud() {
         Viewport::full(32, 24),
     )
     .expect("a camera");
-    let shots = [left, right].map(|camera| Shot::new(&gpu, &scene, &camera));
+    let shots = [left, right].map(|camera| Shot::new(gpu, &scene, &camera));
     let effect = AmbientOcclusion::default().effect();
     let settings = splat_settings(3, 0.02);
     let options = Options::new(settings);
-    let surfelizer = Surfelizer::new(device, None).expect("pipelines");
-    let splatter = ShellSplatter::new(
-        device,
-        &ShellSplatterDescriptor {
-            effect: &effect,
-            subgroups: false,
-            statistics: false,
-            cache: None,
-        },
-    )
-    .expect("pipelines");
+    let surfelizer = pipelines::surfelizer();
+    let splatter = pipelines::shell_splatter(&effect, false);
     let mut cloud = surfelizer
         .create_cloud(device, options.capacity)
         .expect("a cloud");
@@ -1041,9 +1016,9 @@ fn two_views_share_a_cloud() {
             surfels: gpu.read_buffer(cloud.surfels())[..stored].to_vec(),
             sources: gpu.read_buffer(cloud.sources())[..stored].to_vec(),
         };
-        compare(&gpu, &run, AmbientOcclusion::default(), &settings, name);
+        compare(gpu, &run, AmbientOcclusion::default(), &settings, name);
         assert!(
-            run.total(&gpu, 3).iter().any(|v| *v > 0.05),
+            run.total(gpu, 3).iter().any(|v| *v > 0.05),
             "{name} is dark"
         );
     }
@@ -1108,19 +1083,10 @@ fn bad_settings_are_typed_errors() {
             other => panic!("{settings:?}: {other:?}"),
         }
     }
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let device = &gpu.device;
     let effect = AmbientOcclusion::default().effect();
-    let splatter = ShellSplatter::new(
-        device,
-        &ShellSplatterDescriptor {
-            effect: &effect,
-            subgroups: false,
-            statistics: false,
-            cache: None,
-        },
-    )
-    .expect("pipelines");
+    let splatter = pipelines::shell_splatter(&effect, false);
     assert!(matches!(
         splatter.create_view(device, 0, 4, 1),
         Err(Error::Setting { .. })
@@ -1136,8 +1102,8 @@ fn bad_settings_are_typed_errors() {
 
     // Objects that do not belong together.
     let scene = scenes::by_name("cornell").expect("a scene");
-    let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, [8, 8]));
-    let surfelizer = Surfelizer::new(device, None).expect("pipelines");
+    let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, [8, 8]));
+    let surfelizer = pipelines::surfelizer();
     let options = Options::new(splat_settings(2, 0.01));
     let mut cloud = surfelizer
         .create_cloud(device, options.capacity)
@@ -1195,38 +1161,29 @@ fn bad_settings_are_typed_errors() {
     };
     // Bounds recorded for shorter reaches would lose what lies beyond them.
     assert!(matches!(
-        refused(&splatter, 2, 0.001, [8, 8]),
+        refused(splatter, 2, 0.001, [8, 8]),
         Error::Mismatch {
             name: "SurfelClusters",
             ..
         }
     ));
     assert!(matches!(
-        refused(&splatter, 3, 0.01, [8, 8]),
+        refused(splatter, 3, 0.01, [8, 8]),
         Error::Mismatch {
             name: "SurfelClusters",
             ..
         }
     ));
     assert!(matches!(
-        refused(&splatter, 2, 0.01, [8, 9]),
+        refused(splatter, 2, 0.01, [8, 9]),
         Error::Mismatch {
             name: "SplatView",
             ..
         }
     ));
-    let lit = ShellSplatter::new(
-        device,
-        &ShellSplatterDescriptor {
-            effect: &emission_effect(),
-            subgroups: false,
-            statistics: false,
-            cache: None,
-        },
-    )
-    .expect("pipelines");
+    let lit = pipelines::shell_splatter(&emission_effect(), false);
     assert!(matches!(
-        refused(&lit, 2, 0.01, [8, 8]),
+        refused(lit, 2, 0.01, [8, 8]),
         Error::Buffer {
             name: "materials",
             ..

@@ -10,12 +10,9 @@ use deep_screen_space::{
     scenes::{self, Scene},
     wgpu::{self, TextureFormat as Format},
 };
-use support::gpu::{Ask, Gpu};
+use support::gpu::Gpu;
 use support::testing::multi_res::{Frame, camera, check_work};
-
-fn gpu() -> Gpu {
-    Gpu::open(Ask::from_env()).expect("a graphics adapter; scripts/test.sh installs one")
-}
+use support::testing::pipelines;
 
 /// A shadow map by rays: a layer a camera, all of one size.
 struct Map {
@@ -225,14 +222,14 @@ fn lights(gpu: &Gpu, scene: &Scene, eye: DVec3) -> Vec<(&'static str, Light, Map
 /// blocker's distance or one of the samples; of the pixels 1 % may differ by more than two samples.
 #[test]
 fn gpu_is_its_mirror() {
-    let gpu = gpu();
-    let pass = SoftShadows::new(&gpu.device, None).expect("pipelines");
+    let gpu = pipelines::gpu();
+    let pass = pipelines::soft_shadows();
     for (name, eye) in [
         ("cornell", DVec3::new(0.3, 1.6, 0.2)),
         ("dominoes", DVec3::new(0.4, 2.0, 0.6)),
     ] {
         let scene = scenes::by_name(name).expect("a scene");
-        let frame = Frame::of_scene(&gpu, &scene, [64, 48]);
+        let frame = Frame::of_scene(gpu, &scene, [64, 48]);
         let world: Vec<Option<Receiver>> = frame
             .receivers()
             .into_iter()
@@ -243,7 +240,7 @@ fn gpu_is_its_mirror() {
                 })
             })
             .collect();
-        for (kind, light, map) in lights(&gpu, &scene, eye) {
+        for (kind, light, map) in lights(gpu, &scene, eye) {
             for settings in [
                 SoftShadowsSettings::default(),
                 SoftShadowsSettings {
@@ -255,7 +252,7 @@ fn gpu_is_its_mirror() {
                 },
                 SoftShadowsSettings::hard(),
             ] {
-                let found = record(&gpu, &pass, &frame, (&light, &map), &settings);
+                let found = record(gpu, pass, &frame, (&light, &map), &settings);
                 let mirror = map.mirror(&light, &settings);
                 let mut differ = 0;
                 let mut between = 0;
@@ -288,8 +285,8 @@ fn gpu_is_its_mirror() {
 /// at y = 1: it casts the edge's shadow on the floor at x = 0, with a penumbra of half width `extent · gap / (distance − gap)`.
 #[test]
 fn an_edge_has_the_penumbra_of_similar_triangles() {
-    let gpu = gpu();
-    let pass = SoftShadows::new(&gpu.device, None).expect("pipelines");
+    let gpu = pipelines::gpu();
+    let pass = pipelines::soft_shadows();
     let eye = DVec3::new(0.0, 1.0, 0.0);
     let side = 512;
     let light_camera = looking(
@@ -309,7 +306,7 @@ fn an_edge_has_the_penumbra_of_similar_triangles() {
             light_camera.project(seen).expect("below").z as f32
         })
         .collect();
-    let map = Map::new(&gpu, vec![light_camera], vec![layer]);
+    let map = Map::new(gpu, vec![light_camera], vec![layer]);
     let light = point(eye);
     let camera = Camera::look_at(
         DVec3::new(0.0, 0.0, 0.0),
@@ -319,7 +316,7 @@ fn an_edge_has_the_penumbra_of_similar_triangles() {
         Viewport::full(200, 4),
     )
     .expect("a camera");
-    let frame = Frame::cast(&gpu, &camera, Format::R32Float, |_, from, along| {
+    let frame = Frame::cast(gpu, &camera, Format::R32Float, |_, from, along| {
         let t = (-1.0 - from.y) / along.y;
         Some((from + t * along, DVec3::Y))
     });
@@ -331,7 +328,7 @@ fn an_edge_has_the_penumbra_of_similar_triangles() {
             samples: 256,
             turn: false,
         };
-        let found = record(&gpu, &pass, &frame, (&light, &map), &settings);
+        let found = record(gpu, pass, &frame, (&light, &map), &settings);
         let half_width = f64::from(extent) * 0.5 / 1.5;
         for (i, &v) in found[..200].iter().enumerate() {
             let x = (i as f64 + 0.5) / 200.0 - 0.5;
@@ -352,8 +349,8 @@ fn an_edge_has_the_penumbra_of_similar_triangles() {
 /// An open plane does not shadow itself: at any angle to the light, of any extent.
 #[test]
 fn planes_do_not_shadow_themselves() {
-    let gpu = gpu();
-    let pass = SoftShadows::new(&gpu.device, None).expect("pipelines");
+    let gpu = pipelines::gpu();
+    let pass = pipelines::soft_shadows();
     let view = camera(
         right::perspective_infinite_reverse(1.0, 1.0, 0.1),
         Viewport::full(48, 48),
@@ -364,7 +361,7 @@ fn planes_do_not_shadow_themselves() {
             let t = (DVec3::new(0.0, 0.0, -3.0) - from).dot(normal) / along.dot(normal);
             (t > 0.0).then(|| from + t * along)
         };
-        let frame = Frame::cast(&gpu, &view, Format::R32Float, |_, from, along| {
+        let frame = Frame::cast(gpu, &view, Format::R32Float, |_, from, along| {
             see(from, along).map(|p| (p, normal))
         });
         let eye = DVec3::new(0.5, 0.2, 0.3);
@@ -384,14 +381,14 @@ fn planes_do_not_shadow_themselves() {
                 })
             })
             .collect();
-        let map = Map::new(&gpu, vec![light_camera], vec![layer]);
+        let map = Map::new(gpu, vec![light_camera], vec![layer]);
         for extent in [0.0, 0.1, 1.0] {
             let settings = SoftShadowsSettings {
                 extent,
                 max_penumbra: 0.5,
                 ..SoftShadowsSettings::default()
             };
-            let found = record(&gpu, &pass, &frame, (&point(eye), &map), &settings);
+            let found = record(gpu, pass, &frame, (&point(eye), &map), &settings);
             let shadowed = found
                 .iter()
                 .zip(&frame.depth)
@@ -404,8 +401,8 @@ fn planes_do_not_shadow_themselves() {
 /// Where a floor and a wall meet, texels that hold the one do not shadow the other.
 #[test]
 fn inner_edges_are_not_shadowed() {
-    let gpu = gpu();
-    let pass = SoftShadows::new(&gpu.device, None).expect("pipelines");
+    let gpu = pipelines::gpu();
+    let pass = pipelines::soft_shadows();
     let view = camera(
         right::perspective_infinite_reverse(1.0, 1.0, 0.1),
         Viewport::full(64, 64),
@@ -425,7 +422,7 @@ fn inner_edges_are_not_shadowed() {
             .min_by(|a, b| a.0.total_cmp(&b.0))
             .map(|(t, n)| (from + t * along, n))
     };
-    let frame = Frame::cast(&gpu, &view, Format::R32Float, |_, from, along| {
+    let frame = Frame::cast(gpu, &view, Format::R32Float, |_, from, along| {
         see(from, along)
     });
     let eye = DVec3::new(0.5, 0.2, -1.0);
@@ -445,13 +442,13 @@ fn inner_edges_are_not_shadowed() {
             })
         })
         .collect();
-    let map = Map::new(&gpu, vec![light_camera], vec![layer]);
+    let map = Map::new(gpu, vec![light_camera], vec![layer]);
     for extent in [0.0, 0.1] {
         let settings = SoftShadowsSettings {
             extent,
             ..SoftShadowsSettings::default()
         };
-        let found = record(&gpu, &pass, &frame, (&point(eye), &map), &settings);
+        let found = record(gpu, pass, &frame, (&point(eye), &map), &settings);
         let shadowed = found
             .iter()
             .zip(&frame.depth)
@@ -465,16 +462,16 @@ fn inner_edges_are_not_shadowed() {
 
 #[test]
 fn lists_compute_what_the_whole_image_has() {
-    let gpu = gpu();
-    let pass = SoftShadows::new(&gpu.device, None).expect("pipelines");
+    let gpu = pipelines::gpu();
+    let pass = pipelines::soft_shadows();
     let scene = scenes::cornell();
-    let frame = Frame::of_scene(&gpu, &scene, [77, 53]);
-    let (_, light, map) = lights(&gpu, &scene, DVec3::new(0.3, 1.6, 0.2)).remove(1);
+    let frame = Frame::of_scene(gpu, &scene, [77, 53]);
+    let (_, light, map) = lights(gpu, &scene, DVec3::new(0.3, 1.6, 0.2)).remove(1);
     let settings = SoftShadowsSettings {
         turn: true,
         ..SoftShadowsSettings::default()
     };
-    check_work(&gpu, &frame, Format::R32Float, |encoder, work, target| {
+    check_work(gpu, &frame, Format::R32Float, |encoder, work, target| {
         pass.record(
             &gpu.device,
             encoder,
@@ -487,17 +484,17 @@ fn lists_compute_what_the_whole_image_has() {
 
 #[test]
 fn what_cannot_be_is_refused() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let device = &gpu.device;
-    let pass = SoftShadows::new(device, None).expect("pipelines");
+    let pass = pipelines::soft_shadows();
     let view = camera(
         right::perspective_infinite_reverse(1.0, 1.0, 0.1),
         Viewport::full(16, 8),
     );
-    let frame = Frame::cast(&gpu, &view, Format::R32Float, |_, _, _| None);
+    let frame = Frame::cast(gpu, &view, Format::R32Float, |_, _, _| None);
     let light = point(DVec3::Y);
     let map = Map::new(
-        &gpu,
+        gpu,
         vec![looking(
             DVec3::Y,
             -DVec3::Y,

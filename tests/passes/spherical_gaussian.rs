@@ -2,6 +2,7 @@
 //! every extreme.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use support::testing::pipelines;
 
 use deep_screen_space::{
     glam::{DVec3, Vec3},
@@ -11,7 +12,7 @@ use deep_screen_space::{
         SphericalGaussian,
     },
 };
-use support::gpu::{Ask, Gpu};
+use support::gpu::Gpu;
 
 /// From 0 to infinity, with both sides of every threshold between two forms.
 fn sharpnesses() -> Vec<f64> {
@@ -468,7 +469,7 @@ fn evaluate(gpu: &Gpu, cases: &[[f32; 4]]) -> Vec<Found> {
 
 #[test]
 fn gpu_is_double_precision() {
-    let gpu = Gpu::open(Ask::from_env()).expect("a graphics adapter");
+    let gpu = pipelines::gpu();
     let mut cases = Vec::new();
     for (i, sharpness) in sharpnesses().into_iter().enumerate() {
         for (j, cosine) in cosines().step_by(4).enumerate() {
@@ -478,7 +479,7 @@ fn gpu_is_double_precision() {
         }
     }
     let mut worst = [0.0_f64; 4];
-    for (case, found) in cases.iter().zip(evaluate(&gpu, &cases)) {
+    for (case, found) in cases.iter().zip(evaluate(gpu, &cases)) {
         let [s, z, other, r] = case.map(f64::from);
         let inputs = format!("sharpness {s}, cosine {z}, other {other}, r {r}: {found:?}");
         let unit = |axis, sharpness| Lobe {

@@ -3,31 +3,25 @@
 
 use deep_screen_space::{
     AmbientOcclusion, Camera, Channels, CloudCapacity, ClusterInput, Effect, Error, Geometry,
-    MultiResMask, MultiResMaskSettings, MultiResReconstructor, MultiResReconstructorInput,
+    MultiResMaskSettings, MultiResReconstructor, MultiResReconstructorInput,
     MultiResReconstructorSettings, Reconstructor, ReconstructorInput, ReconstructorSettings,
-    ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatSettings, SurfelCloud, SurfelClusters,
-    Surfelizer, SurfelizerInput, SurfelizerSettings, Viewport, WorkList, scenes,
+    ShellSplatter, SplatInput, SplatSettings, SurfelCloud, SurfelClusters, SurfelizerInput,
+    SurfelizerSettings, Viewport, WorkList, scenes,
     wgpu::{self, TextureFormat as Format, TextureView},
 };
 use support::testing::multi_res;
 use support::testing::multi_res::{Frame, check_work};
+use support::testing::pipelines;
 use support::testing::shot::{Shot, camera_in, camera_of};
-use support::{
-    errors::rmse,
-    gpu::{Ask, Gpu},
-};
-
-fn gpu() -> Gpu {
-    Gpu::open(Ask::from_env()).expect("a graphics adapter; scripts/test.sh installs one")
-}
+use support::{errors::rmse, gpu::Gpu};
 
 /// Surfels of what a shot shows, and the passes for an effect.
 struct Splats<'a> {
     gpu: &'a Gpu,
     shot: &'a Shot,
     settings: SplatSettings,
-    splatter: ShellSplatter,
-    reconstructor: Reconstructor,
+    splatter: &'static ShellSplatter,
+    reconstructor: &'static Reconstructor,
     cloud: SurfelCloud,
     clusters: SurfelClusters,
 }
@@ -35,17 +29,8 @@ struct Splats<'a> {
 impl<'a> Splats<'a> {
     fn new(gpu: &'a Gpu, shot: &'a Shot, effect: &Effect, settings: SplatSettings) -> Self {
         let device = &gpu.device;
-        let surfelizer = Surfelizer::new(device, None).expect("pipelines");
-        let splatter = ShellSplatter::new(
-            device,
-            &ShellSplatterDescriptor {
-                effect,
-                subgroups: false,
-                statistics: false,
-                cache: None,
-            },
-        )
-        .expect("pipelines");
+        let surfelizer = pipelines::surfelizer();
+        let splatter = pipelines::shell_splatter(effect, false);
         let capacity = CloudCapacity {
             surfels: 1 << 17,
             pieces: 1 << 16,
@@ -85,8 +70,7 @@ impl<'a> Splats<'a> {
             shot,
             settings,
             splatter,
-            reconstructor: Reconstructor::new(device, effect, Format::R32Float, None)
-                .expect("pipelines"),
+            reconstructor: pipelines::reconstructor(effect, Format::R32Float),
             cloud,
             clusters,
         }
@@ -160,7 +144,7 @@ fn tinted() -> Effect {
 
 #[test]
 fn listed_pixels_are_those_of_the_whole_image() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let scene = scenes::colonnade();
     // Sides that no level divides.
     for (x, y) in [(0, 0), (5, 3)] {
@@ -169,16 +153,16 @@ fn listed_pixels_are_those_of_the_whole_image() {
             y,
             ..Viewport::full(75, 53)
         };
-        let shot = Shot::new(&gpu, &scene, &camera_in(&scene, 0, viewport));
+        let shot = Shot::new(gpu, &scene, &camera_in(&scene, 0, viewport));
         // One level has no noise: what a pixel sees does not depend on which others there are.
         let settings = SplatSettings {
             levels: 1,
             radius: 1.0,
             ..SplatSettings::default()
         };
-        let splats = Splats::new(&gpu, &shot, &tinted(), settings);
-        let frame = Frame::of_shot(&gpu, &shot);
-        check_work(&gpu, &frame, Format::R32Float, |encoder, work, target| {
+        let splats = Splats::new(gpu, &shot, &tinted(), settings);
+        let frame = Frame::of_shot(gpu, &shot);
+        check_work(gpu, &frame, Format::R32Float, |encoder, work, target| {
             splats
                 .record(encoder, work, target.texture())
                 .expect("an image");
@@ -188,13 +172,13 @@ fn listed_pixels_are_those_of_the_whole_image() {
 
 #[test]
 fn sub_images_blend_to_the_whole_image() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let device = &gpu.device;
     let scene = scenes::colonnade();
-    let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, [160, 96]));
+    let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, [160, 96]));
     let effect = AmbientOcclusion::default().effect();
     let splats = Splats::new(
-        &gpu,
+        gpu,
         &shot,
         &effect,
         SplatSettings {
@@ -206,9 +190,9 @@ fn sub_images_blend_to_the_whole_image() {
     let whole = gpu.target(Format::R32Float, width, height);
     let blended = gpu.target(Format::R32Float, width, height);
     let mask_settings = MultiResMaskSettings::OCCLUSION;
-    let mask = MultiResMask::new(device, None).expect("pipelines");
-    let frame = Frame::of_shot(&gpu, &shot);
-    let masks = multi_res::record(&gpu, &mask, &frame.input(), &mask_settings);
+    let mask = pipelines::multi_res_mask();
+    let frame = Frame::of_shot(gpu, &shot);
+    let masks = multi_res::record(gpu, mask, &frame.input(), &mask_settings);
     let blend = MultiResReconstructor::new(device, Channels::One, Format::R32Float, None)
         .expect("pipelines");
     let images = blend
@@ -251,23 +235,18 @@ fn sub_images_blend_to_the_whole_image() {
 
 #[test]
 fn what_does_not_fit_is_refused() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let scene = scenes::cornell();
-    let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, [16, 12]));
+    let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, [16, 12]));
     let effect = AmbientOcclusion::default().effect();
     let settings = SplatSettings {
         levels: 1,
         ..SplatSettings::default()
     };
-    let splats = Splats::new(&gpu, &shot, &effect, settings);
-    let mask = MultiResMask::new(&gpu.device, None).expect("pipelines");
-    let frame = Frame::of_shot(&gpu, &shot);
-    let masks = multi_res::record(
-        &gpu,
-        &mask,
-        &frame.input(),
-        &MultiResMaskSettings::OCCLUSION,
-    );
+    let splats = Splats::new(gpu, &shot, &effect, settings);
+    let mask = pipelines::multi_res_mask();
+    let frame = Frame::of_shot(gpu, &shot);
+    let masks = multi_res::record(gpu, mask, &frame.input(), &MultiResMaskSettings::OCCLUSION);
     let work = masks.work(1).expect("a level");
     let refusal = |work: WorkList<'_>, target: [u32; 2]| {
         let target = gpu.target(Format::R32Float, target[0], target[1]);

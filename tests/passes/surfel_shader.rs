@@ -1,12 +1,13 @@
 //! The `SurfelShader`: GPU against the f64 mirror, against closed forms and traced shadows, and at the extremes.
 
 use std::f64::consts::PI;
+use support::testing::pipelines;
 
 use deep_screen_space::{
-    BouncedDescriptor, BouncedZBuffer, Camera, CloudCapacity, Error, Geometry, Light, Material,
-    Piece, Placement, ShadedLight, Shadow, ShadowMap, Surfel, SurfelCloud, SurfelCounts,
-    SurfelRadiance, SurfelShader, SurfelShaderInput, SurfelShaderSettings, SurfelSource,
-    Surfelizer, SurfelizerInput, SurfelizerSettings, Timestamps, Viewport,
+    BouncedDescriptor, Camera, CloudCapacity, Error, Geometry, Light, Material, Piece, Placement,
+    ShadedLight, Shadow, ShadowMap, Surfel, SurfelCloud, SurfelCounts, SurfelRadiance,
+    SurfelShader, SurfelShaderInput, SurfelShaderSettings, SurfelSource, Surfelizer,
+    SurfelizerInput, SurfelizerSettings, Timestamps, Viewport,
     glam::{DMat4, DVec3},
     reference::{self, packing::unpack_normal, surfel_shader as mirror, trace::Tracer},
     scenes::{self, Part, Scene},
@@ -14,20 +15,15 @@ use deep_screen_space::{
 };
 use support::testing::rays;
 use support::testing::shot::camera_of;
-use support::{
-    gpu::{Ask, Gpu},
-    raster::perspective,
-    scene::SceneBuffers,
-    shadow,
-};
+use support::{gpu::Gpu, raster::perspective, scene::SceneBuffers, shadow};
 
 const ALBEDO: [f32; 3] = [0.2, 0.5, 1.0];
 
 /// A device and the pipelines.
 struct Lab {
-    gpu: Gpu,
-    surfelizer: Surfelizer,
-    shader: SurfelShader,
+    gpu: &'static Gpu,
+    surfelizer: &'static Surfelizer,
+    shader: &'static SurfelShader,
 }
 
 /// A cloud, and what it holds.
@@ -39,10 +35,10 @@ struct Lit {
 
 impl Lab {
     fn new() -> Self {
-        let gpu = Gpu::open(Ask::from_env()).expect("a graphics adapter");
+        let gpu = pipelines::gpu();
         Self {
-            surfelizer: Surfelizer::new(&gpu.device, None).expect("pipelines"),
-            shader: SurfelShader::new(&gpu.device, None).expect("pipelines"),
+            surfelizer: pipelines::surfelizer(),
+            shader: pipelines::surfel_shader(),
             gpu,
         }
     }
@@ -60,7 +56,7 @@ impl Lab {
 
     fn cloud(&self, scene: &Scene, camera: &Camera, settings: &SurfelizerSettings) -> Lit {
         let mut cloud = self.empty_cloud();
-        let buffers = SceneBuffers::new(&self.gpu, scene);
+        let buffers = SceneBuffers::new(self.gpu, scene);
         let mut encoder = self.gpu.encoder();
         let input = SurfelizerInput {
             geometry: Geometry {
@@ -467,7 +463,7 @@ fn gpu_is_its_mirror() {
         let maps: Vec<DepthMap> = lights
             .iter()
             .map(|(_, cameras, size, format)| {
-                DepthMap::draw(&lab.gpu, &scene, cameras, *size, *format)
+                DepthMap::draw(lab.gpu, &scene, cameras, *size, *format)
             })
             .collect();
         let shaded: Vec<ShadedLight<'_>> = lights
@@ -700,7 +696,7 @@ fn shadow_maps_of_all_conventions() {
             )
             .expect("a camera");
             let cameras = [camera];
-            let map = DepthMap::draw(&lab.gpu, &scene, &cameras, 240, format);
+            let map = DepthMap::draw(lab.gpu, &scene, &cameras, 240, format);
             let light = if parallel {
                 Light::Directional {
                     direction: -from,
@@ -767,7 +763,7 @@ fn maps_meet_without_seams() {
         for (size, accepted) in [(64, 0.005), (256, 0.0)] {
             let cameras = cube(eye, size, 0.01);
             let format = wgpu::TextureFormat::Depth32Float;
-            let map = DepthMap::draw(&lab.gpu, &scene, &cameras, size, format);
+            let map = DepthMap::draw(lab.gpu, &scene, &cameras, size, format);
             let by = |shadow| {
                 let light = point(eye, [1.0; 3]);
                 lab.shade(&lit, &grey, &[ShadedLight { light, shadow }], 4)
@@ -787,7 +783,7 @@ fn maps_meet_without_seams() {
     for eye in [DVec3::ZERO, DVec3::new(0.1, -0.3, 0.2)] {
         let cameras = cube(eye, 64, 0.01);
         let format = wgpu::TextureFormat::Depth32Float;
-        let map = DepthMap::draw(&lab.gpu, &closed, &cameras, 64, format);
+        let map = DepthMap::draw(lab.gpu, &closed, &cameras, 64, format);
         let shaded = ShadedLight {
             light: point(eye, [1.0; 3]),
             shadow: Shadow::Map(ShadowMap::new(&map.texture, &cameras)),
@@ -807,7 +803,7 @@ fn maps_meet_without_seams() {
     )
     .expect("a camera")];
     let format = wgpu::TextureFormat::Depth32Float;
-    let map = DepthMap::draw(&lab.gpu, &scene, &blind, 64, format);
+    let map = DepthMap::draw(lab.gpu, &scene, &blind, 64, format);
     let by = |shadow| {
         let light = point(DVec3::ZERO, [1.0; 3]);
         lab.shade(&lit, &grey, &[ShadedLight { light, shadow }], 1)
@@ -831,7 +827,7 @@ fn maps_come_near_traced_shadows() {
     for (size, accepted) in [(64, 0.025), (512, 0.005)] {
         let cameras = cube(eye, size, 0.01);
         let format = wgpu::TextureFormat::Depth32Float;
-        let map = DepthMap::draw(&lab.gpu, &scene, &cameras, size, format);
+        let map = DepthMap::draw(lab.gpu, &scene, &cameras, size, format);
         let shadow = Shadow::Map(ShadowMap::new(&map.texture, &cameras));
         let found = lab.shade(&lit, &materials, &[ShadedLight { light, shadow }], 1);
         let mut wrong = 0;
@@ -860,8 +856,7 @@ fn maps_come_near_traced_shadows() {
 fn traced_shadows_are_the_tracers() {
     let lab = Lab::new();
     let device = &lab.gpu.device;
-    let tracing =
-        BouncedZBuffer::new(device, &BouncedDescriptor::default(), None).expect("pipelines");
+    let tracing = pipelines::bounced(&BouncedDescriptor::default());
     for (scene, light) in [
         (
             scenes::cornell(),
@@ -984,8 +979,7 @@ fn traced_shadows_are_the_tracers() {
 fn traced_shadows_of_lamps_on_surfaces_take_nothing() {
     let lab = Lab::new();
     let device = &lab.gpu.device;
-    let tracing =
-        BouncedZBuffer::new(device, &BouncedDescriptor::default(), None).expect("pipelines");
+    let tracing = pipelines::bounced(&BouncedDescriptor::default());
     let scene = rays::hall(&scenes::cornell());
     let materials = scene.material_table();
     for (distance, vfov) in [(-2.0, 60.0), (1e3, 0.5), (1e4, 0.05)] {
@@ -1053,7 +1047,7 @@ fn samples_average_edges() {
     )
     .expect("a camera")];
     let map = DepthMap::draw(
-        &lab.gpu,
+        lab.gpu,
         &scene,
         &cameras,
         1024,
@@ -1208,7 +1202,7 @@ fn place_and_scale_do_not_matter() {
         )
         .expect("a camera")];
         let map = DepthMap::draw(
-            &lab.gpu,
+            lab.gpu,
             &scene,
             &cameras,
             128,

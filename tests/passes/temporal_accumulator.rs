@@ -15,13 +15,10 @@ use deep_screen_space::{
     },
     wgpu::{self, TextureFormat as Format, TextureUsages},
 };
-use support::gpu::{Ask, Gpu};
+use support::gpu::Gpu;
 use support::testing::passes::{descriptor, texture};
+use support::testing::pipelines;
 use support::testing::refusals::refused;
-
-fn gpu() -> Gpu {
-    Gpu::open(Ask::from_env()).expect("a graphics adapter; scripts/test.sh installs one")
-}
 
 /// True means, and histories that only geometry ends.
 const RUNNING: TemporalSettings = TemporalSettings {
@@ -480,7 +477,7 @@ fn histories_match_the_mirror() {
     use Channels::{One, Three};
     use Projection::{Forward, Orthographic, Reversed};
 
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let full = Viewport::full;
     let moved = Viewport {
         x: 3,
@@ -517,7 +514,7 @@ fn histories_match_the_mirror() {
         let inputs = format!(
             "{viewport:?}, {channels:?}, {projection:?}, motion {with_motion}, {settings:?}, {origin}"
         );
-        let mut rig = Rig::new(&gpu, channels, [viewport.width, viewport.height], settings);
+        let mut rig = Rig::new(gpu, channels, [viewport.width, viewport.height], settings);
         // Per setting that is turned: pixels that then differ in the last frame.
         let mut last = None;
         for frame in 0..5 {
@@ -530,7 +527,7 @@ fn histories_match_the_mirror() {
             };
             let toward = DVec3::new(0.02 * t, -0.01 * t, -1.0);
             let eye = world.origin + EYE + t * DVec3::new(0.03, 0.02, -0.05);
-            let shot = Shot::new(&gpu, world, &look(eye, toward, projection, viewport));
+            let shot = Shot::new(gpu, world, &look(eye, toward, projection, viewport));
             let picture: Vec<DVec3> = (0..)
                 .zip(&shot.hits)
                 .map(|(i, hit)| {
@@ -616,13 +613,13 @@ fn histories_match_the_mirror() {
 
 #[test]
 fn a_still_picture_s_mean_is_the_arithmetic_mean() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let viewport = Viewport::full(32, 24);
     let camera = straight(EYE, viewport);
-    let shot = Shot::new(&gpu, ROOM, &camera);
+    let shot = Shot::new(gpu, ROOM, &camera);
     let still = vec![DVec2::ZERO; shot.hits.len()];
     for (motion, frames) in [(None, 256_u32), (Some(still.as_slice()), 16)] {
-        let mut rig = Rig::new(&gpu, Channels::One, [32, 24], RUNNING);
+        let mut rig = Rig::new(gpu, Channels::One, [32, 24], RUNNING);
         let mut sums = vec![0.0; shot.hits.len()];
         let mut errors = Vec::new();
         for frame in 0..frames {
@@ -675,14 +672,14 @@ fn a_still_picture_s_mean_is_the_arithmetic_mean() {
 
 #[test]
 fn the_mean_forgets_what_is_older_than_its_frames() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let viewport = Viewport::full(16, 12);
-    let shot = Shot::new(&gpu, ROOM, &straight(EYE, viewport));
+    let shot = Shot::new(gpu, ROOM, &straight(EYE, viewport));
     let settings = TemporalSettings {
         max_frames: 8,
         ..RUNNING
     };
-    let mut rig = Rig::new(&gpu, Channels::One, [16, 12], settings);
+    let mut rig = Rig::new(gpu, Channels::One, [16, 12], settings);
     for frame in 0..100 {
         let lit = shot.paint(|_, _| if frame < 60 { 1.0 } else { 0.0 });
         let found = rig.step(
@@ -708,10 +705,10 @@ fn the_mean_forgets_what_is_older_than_its_frames() {
 
 #[test]
 fn a_reset_drops_everything() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let viewport = Viewport::full(32, 24);
-    let shot = Shot::new(&gpu, ROOM, &straight(EYE, viewport));
-    let mut rig = Rig::new(&gpu, Channels::Three, [32, 24], RUNNING);
+    let shot = Shot::new(gpu, ROOM, &straight(EYE, viewport));
+    let mut rig = Rig::new(gpu, Channels::Three, [32, 24], RUNNING);
     for frame in 0..6 {
         let picture = shot.paint(|i, _| noise(i, frame));
         let found = rig.step(
@@ -753,7 +750,7 @@ fn places(now: &Shot, before: &Camera, world: World) -> Vec<Option<DVec2>> {
 
 #[test]
 fn a_moving_camera_finds_the_history_of_each_point() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let viewport = Viewport::full(96, 64);
     for origin in [0.0, 1e5] {
         for projection in [
@@ -767,7 +764,7 @@ fn a_moving_camera_finds_the_history_of_each_point() {
             };
             let shot = |eye: DVec3, toward| {
                 Shot::new(
-                    &gpu,
+                    gpu,
                     world,
                     &look(world.origin + eye, toward, projection, viewport),
                 )
@@ -777,7 +774,7 @@ fn a_moving_camera_finds_the_history_of_each_point() {
                 EYE + DVec3::new(0.17, 0.05, -0.3),
                 DVec3::new(-0.05, 0.22, -1.0),
             );
-            let mut rig = Rig::new(&gpu, Channels::One, [96, 64], RUNNING);
+            let mut rig = Rig::new(gpu, Channels::One, [96, 64], RUNNING);
             let picture = first.paint(|_, hit| hit.map_or(0.0, |hit| painted(hit.point)));
             rig.step(
                 &first,
@@ -840,7 +837,7 @@ fn a_moving_camera_finds_the_history_of_each_point() {
 
 #[test]
 fn nothing_ghosts_where_a_block_was() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let viewport = Viewport::full(96, 64);
     let camera = straight(EYE, viewport);
     let before = World {
@@ -854,8 +851,8 @@ fn nothing_ghosts_where_a_block_was() {
         ..ROOM
     };
     let (first, second) = (
-        Shot::new(&gpu, before, &camera),
-        Shot::new(&gpu, after, &camera),
+        Shot::new(gpu, before, &camera),
+        Shot::new(gpu, after, &camera),
     );
     let paint = |shot: &Shot, frame| {
         shot.paint(|i, hit| match hit {
@@ -870,7 +867,7 @@ fn nothing_ghosts_where_a_block_was() {
         })
         .collect();
     for motion in [None, Some(motion.as_slice())] {
-        let mut rig = Rig::new(&gpu, Channels::One, [96, 64], RUNNING);
+        let mut rig = Rig::new(gpu, Channels::One, [96, 64], RUNNING);
         for frame in 0..8 {
             let picture = paint(&first, frame);
             rig.step(
@@ -923,7 +920,7 @@ fn nothing_ghosts_where_a_block_was() {
 
         // The history is there to ghost: with the depths' tolerance as wide as the room it does.
         let mut loose = Rig::new(
-            &gpu,
+            gpu,
             Channels::One,
             [96, 64],
             TemporalSettings {
@@ -985,7 +982,7 @@ fn surface_of_taps(before: &Shot, index: usize, motion: DVec2) -> Option<Surface
 /// the default settings, from the frame on in which it begins to move, and the floor beside it keeps its history.
 #[test]
 fn nothing_ghosts_behind_a_thin_mover() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let viewport = Viewport::full(240, 160);
     let eye = DVec3::new(0.0, 2.5, 4.0);
     let toward = DVec3::new(0.0, -2.5, -5.0);
@@ -999,7 +996,7 @@ fn nothing_ghosts_behind_a_thin_mover() {
     ] {
         let mut in_all = 0;
         for drift in [DVec3::ZERO, DVec3::new(0.02, 0.01, -0.03)] {
-            let mut rig = Rig::new(&gpu, Channels::One, [240, 160], TemporalSettings::default());
+            let mut rig = Rig::new(gpu, Channels::One, [240, 160], TemporalSettings::default());
             let mut before: Option<Shot> = None;
             let (mut uncovered, mut ghosts) = (0, 0);
             let (mut floor, mut anew) = (0, 0);
@@ -1018,7 +1015,7 @@ fn nothing_ghosts_behind_a_thin_mover() {
                     Projection::Reversed,
                     viewport,
                 );
-                let shot = Shot::new(&gpu, world, &camera);
+                let shot = Shot::new(gpu, world, &camera);
                 let last = rig.previous.unwrap_or(camera);
                 let moved = if frame > 0 {
                     at(frame) - at(frame - 1)
@@ -1102,7 +1099,7 @@ fn nothing_ghosts_behind_a_thin_mover() {
 /// A floor seen almost edge-on is another distance away from pixel to pixel, and keeps its history all the same.
 #[test]
 fn grazing_surfaces_keep_their_history() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let viewport = Viewport::full(64, 64);
     let floor = |eye: DVec3| {
         let camera = look(
@@ -1111,14 +1108,14 @@ fn grazing_surfaces_keep_their_history() {
             Projection::Reversed,
             viewport,
         );
-        Shot::new(&gpu, ROOM, &camera)
+        Shot::new(gpu, ROOM, &camera)
     };
     // Two units in front of the wall's end of the floor, and a tenth above it.
     let (first, second) = (
         floor(DVec3::new(0.0, -0.8, 0.0)),
         floor(DVec3::new(0.01, -0.79, -0.05)),
     );
-    let mut rig = Rig::new(&gpu, Channels::One, [64, 64], RUNNING);
+    let mut rig = Rig::new(gpu, Channels::One, [64, 64], RUNNING);
     let picture = first.paint(|i, _| noise(i, 0));
     rig.step(
         &first,
@@ -1149,7 +1146,7 @@ fn grazing_surfaces_keep_their_history() {
 
 #[test]
 fn one_frame_is_the_picture_bit_for_bit() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let viewport = Viewport {
         x: 2,
         y: 1,
@@ -1161,10 +1158,10 @@ fn one_frame_is_the_picture_bit_for_bit() {
         ..TemporalSettings::default()
     };
     for channels in [Channels::One, Channels::Three] {
-        let mut rig = Rig::new(&gpu, channels, [33, 21], settings);
+        let mut rig = Rig::new(gpu, channels, [33, 21], settings);
         for frame in 0..3 {
             let eye = EYE + f64::from(frame) * 0.01;
-            let shot = Shot::new(&gpu, ROOM, &straight(eye, viewport));
+            let shot = Shot::new(gpu, ROOM, &straight(eye, viewport));
             // All normal floats of either sign.
             let picture = shot.paint(|i, _| {
                 let bits = hashing::hash2(i, frame);
@@ -1188,9 +1185,9 @@ fn one_frame_is_the_picture_bit_for_bit() {
 
 #[test]
 fn what_is_not_finite_counts_as_absent() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let viewport = Viewport::full(32, 24);
-    let shot = Shot::new(&gpu, ROOM, &straight(EYE, viewport));
+    let shot = Shot::new(gpu, ROOM, &straight(EYE, viewport));
     let bad = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
     for channels in [Channels::One, Channels::Three] {
         for clamping in [0.0, 1.0] {
@@ -1198,7 +1195,7 @@ fn what_is_not_finite_counts_as_absent() {
                 clamping,
                 ..RUNNING
             };
-            let mut rig = Rig::new(&gpu, channels, [32, 24], settings);
+            let mut rig = Rig::new(gpu, channels, [32, 24], settings);
             for frame in 0..4 {
                 // In frame 0 a third of the pixels is absent, in frame 2 a fourth.
                 let absent = |i: u32| {
@@ -1244,17 +1241,17 @@ fn what_is_not_finite_counts_as_absent() {
 
 #[test]
 fn the_sky_shows_this_frame_and_keeps_nothing() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let viewport = Viewport::full(32, 24);
     // The second looks up, from aside: what was wall becomes sky. Then back.
-    let down = Shot::new(&gpu, ROOM, &straight(EYE, viewport));
+    let down = Shot::new(gpu, ROOM, &straight(EYE, viewport));
     let camera = look(
         EYE + DVec3::X,
         DVec3::Y * 0.9 - DVec3::Z,
         Projection::Reversed,
         viewport,
     );
-    let up = Shot::new(&gpu, ROOM, &camera);
+    let up = Shot::new(gpu, ROOM, &camera);
     // Nothing but the sky itself tells it from a surface.
     let settings = TemporalSettings {
         depth_tolerance: 1e30,
@@ -1263,7 +1260,7 @@ fn the_sky_shows_this_frame_and_keeps_nothing() {
     };
     // Vectors that say that nothing moved: the sky's would be found where the wall was.
     let still = vec![DVec2::ZERO; down.hits.len()];
-    let mut rig = Rig::new(&gpu, Channels::One, [32, 24], settings);
+    let mut rig = Rig::new(gpu, Channels::One, [32, 24], settings);
     let mut seen = 0;
     for (frame, shot) in [&down, &up, &up, &down].into_iter().enumerate() {
         let picture = shot.paint(|i, _| noise(i, frame as u32));
@@ -1294,7 +1291,7 @@ fn the_sky_shows_this_frame_and_keeps_nothing() {
 /// What lay behind the last eye would be projected into its picture, upside down.
 #[test]
 fn what_was_behind_the_eye_has_no_history() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let viewport = Viewport::full(32, 24);
     // No distance and no normal stands in the way.
     let settings = TemporalSettings {
@@ -1305,13 +1302,13 @@ fn what_was_behind_the_eye_has_no_history() {
     let toward = |z: f64| {
         let toward = DVec3::new(0.0, 0.1 * z, z);
         Shot::new(
-            &gpu,
+            gpu,
             ROOM,
             &look(EYE, toward, Projection::Reversed, viewport),
         )
     };
     let (ahead, back) = (toward(-1.0), toward(1.0));
-    let mut rig = Rig::new(&gpu, Channels::One, [32, 24], settings);
+    let mut rig = Rig::new(gpu, Channels::One, [32, 24], settings);
     for shot in [&ahead, &back] {
         let picture = shot.paint(|i, _| noise(i, 0));
         let found = rig.step(
@@ -1329,10 +1326,10 @@ fn what_was_behind_the_eye_has_no_history() {
 
 #[test]
 fn vectors_that_lead_nowhere_drop_the_history() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let size = [19, 13];
     let viewport = Viewport::full(size[0], size[1]);
-    let shot = Shot::new(&gpu, ROOM, &straight(EYE, viewport));
+    let shot = Shot::new(gpu, ROOM, &straight(EYE, viewport));
     let out = [
         f64::NAN,
         f64::INFINITY,
@@ -1348,7 +1345,7 @@ fn vectors_that_lead_nowhere_drop_the_history() {
         4.3e9,
         -4.3e9,
     ];
-    let mut rig = Rig::new(&gpu, Channels::One, size, RUNNING);
+    let mut rig = Rig::new(gpu, Channels::One, size, RUNNING);
     for axis in 0..2 {
         for far in out {
             let motion: Vec<DVec2> = (0..shot.hits.len())
@@ -1387,14 +1384,14 @@ fn vectors_that_lead_nowhere_drop_the_history() {
 
 #[test]
 fn vectors_in_other_units_are_scaled() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let viewport = Viewport::full(24, 16);
-    let shot = Shot::new(&gpu, ROOM, &straight(EYE, viewport));
+    let shot = Shot::new(gpu, ROOM, &straight(EYE, viewport));
     let picture = shot.paint(|i, _| noise(i, 0));
     // Two pixels to the right and one down since the last frame.
     let moved = DVec2::new(2.0, 1.0);
     let motion = vec![moved; shot.hits.len()];
-    let mut rig = Rig::new(&gpu, Channels::One, [24, 16], RUNNING);
+    let mut rig = Rig::new(gpu, Channels::One, [24, 16], RUNNING);
     rig.step(
         &shot,
         Frame {
@@ -1432,7 +1429,7 @@ fn vectors_in_other_units_are_scaled() {
         ([4.0 / 24.0, -2.0 / 16.0], [0.5, -0.5]),
         ([-2.0, -1.0], [-1.0 / 24.0, -1.0 / 16.0]),
     ] {
-        let mut rig = Rig::new(&gpu, Channels::One, [24, 16], RUNNING);
+        let mut rig = Rig::new(gpu, Channels::One, [24, 16], RUNNING);
         rig.step(
             &shot,
             Frame {
@@ -1477,11 +1474,11 @@ fn vectors_in_other_units_are_scaled() {
 
 #[test]
 fn extreme_values_stay_finite() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let viewport = Viewport::full(16, 12);
     // Nearer by an eighth: fractions of all kinds.
     let shots = [EYE, EYE + DVec3::new(0.02, 0.03, -1.0)]
-        .map(|eye| Shot::new(&gpu, ROOM, &straight(eye, viewport)));
+        .map(|eye| Shot::new(gpu, ROOM, &straight(eye, viewport)));
     let extremes = [f32::MAX, -f32::MAX, 1e-38, 0.0, -1e30, 1e19];
     for channels in [Channels::One, Channels::Three] {
         for clamping in [0.0, 1e-30, 1.0, 100.0] {
@@ -1490,7 +1487,7 @@ fn extreme_values_stay_finite() {
                 max_frames: 4,
                 ..RUNNING
             };
-            let mut rig = Rig::new(&gpu, channels, [16, 12], settings);
+            let mut rig = Rig::new(gpu, channels, [16, 12], settings);
             for frame in 0..12 {
                 let shot = &shots[frame as usize / 2 % 2];
                 let picture: Vec<DVec3> = (0..shot.hits.len() as u32)
@@ -1528,9 +1525,9 @@ fn extreme_values_stay_finite() {
 
 #[test]
 fn the_picture_may_be_the_target() {
-    let gpu = gpu();
-    let shot = Shot::new(&gpu, ROOM, &straight(EYE, Viewport::full(16, 12)));
-    let mut rig = Rig::new(&gpu, Channels::One, [16, 12], RUNNING);
+    let gpu = pipelines::gpu();
+    let shot = Shot::new(gpu, ROOM, &straight(EYE, Viewport::full(16, 12)));
+    let mut rig = Rig::new(gpu, Channels::One, [16, 12], RUNNING);
     let target = gpu.target(Format::R32Float, 16, 12);
     let mut encoder = gpu.encoder();
     // Nines in both frames, so a mean of nine; and with no frame lost in an encoder of two.
@@ -1569,9 +1566,9 @@ fn the_picture_may_be_the_target() {
 /// What clamping is for, and what it costs; `TemporalSettings::clamping` and the changelog quote the figures.
 #[test]
 fn clamping_follows_the_light_and_costs_bias() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let viewport = Viewport::full(64, 48);
-    let shot = Shot::new(&gpu, ROOM, &straight(EYE, viewport));
+    let shot = Shot::new(gpu, ROOM, &straight(EYE, viewport));
     let surfaces = shot.hits.iter().filter(|hit| hit.is_some()).count() as f64;
     let statistics = |found: &[Pixel], truth: f64| {
         let all = || {
@@ -1590,7 +1587,7 @@ fn clamping_follows_the_light_and_costs_bias() {
             max_frames: 32,
             ..RUNNING
         };
-        let mut rig = Rig::new(&gpu, Channels::One, [64, 48], settings);
+        let mut rig = Rig::new(gpu, Channels::One, [64, 48], settings);
         let mut found = Vec::new();
         for frame in 0..64 {
             let picture = shot.paint(|i, _| value(noise(i, frame)));
@@ -1688,7 +1685,7 @@ fn settings_out_of_range_are_refused() {
 
 #[test]
 fn what_does_not_fit_is_refused() {
-    let gpu = gpu();
+    let gpu = pipelines::gpu();
     let device = &gpu.device;
     for format in [Format::Depth32Float, Format::R32Uint, Format::Rgb9e5Ufloat] {
         let made = TemporalAccumulator::new(device, Channels::One, format, None);
@@ -1717,12 +1714,12 @@ fn what_does_not_fit_is_refused() {
     );
 
     let size = [8, 6];
-    let shot = Shot::new(&gpu, ROOM, &straight(EYE, Viewport::full(8, 6)));
+    let shot = Shot::new(gpu, ROOM, &straight(EYE, Viewport::full(8, 6)));
     let binding = TextureUsages::TEXTURE_BINDING;
     let attachment = TextureUsages::RENDER_ATTACHMENT;
     let view =
         |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
-    let plain = |format, size, usage| view(&texture(&gpu, format, size, usage));
+    let plain = |format, size, usage| view(&texture(gpu, format, size, usage));
     let picture = plain(Format::Rgba16Float, size, binding);
     let target = plain(Format::R8Unorm, size, attachment);
     let good = TemporalInput {

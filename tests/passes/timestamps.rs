@@ -1,23 +1,22 @@
 //! Times that the caller asks for, on devices that have them.
 
 use deep_screen_space::{
-    AmbientOcclusion, BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, Camera,
-    Channels, CloudCapacity, ClusterInput, Components, Error, Gatherer, Geometry, HitReconstructor,
-    HitReconstructorDescriptor, HitReconstructorInput, HitReconstructorSettings, Light,
-    MultiResMask, MultiResMaskInput, MultiResMaskSettings, MultiResReconstructor,
-    MultiResReconstructorInput, MultiResReconstructorSettings, ObscuranceInput, ObscuranceSampling,
-    ObscuranceSettings, ObscuranceVolume, Payload, Reconstructor, ReconstructorInput,
-    ReconstructorSettings, ReflectiveShadowMap, ReflectiveShadowMapInput, Sampling, ScreenSpaceGi,
-    ScreenSpaceGiInput, ScreenSpaceGiSettings, SgHull, SgHullDescriptor, SgHullInput,
-    SgHullSettings, SgHullSize, ShadowMap, ShellSplatter, ShellSplatterDescriptor, SoftShadows,
-    SoftShadowsInput, SoftShadowsSettings, SplatInput, SplatSettings, SurfelShader,
-    SurfelShaderInput, SurfelShaderSettings, Surfelizer, SurfelizerInput, SurfelizerSettings,
-    TemporalAccumulator, TemporalInput, TemporalSettings, Timestamps, Viewport,
-    VolumetricObscurance, VolumetricObscuranceDescriptor,
+    AmbientOcclusion, BouncedDescriptor, BouncedInput, BouncedSettings, Camera, Channels,
+    CloudCapacity, ClusterInput, Components, Error, Gatherer, Geometry, HitReconstructorDescriptor,
+    HitReconstructorInput, HitReconstructorSettings, Light, MultiResMaskInput,
+    MultiResMaskSettings, MultiResReconstructor, MultiResReconstructorInput,
+    MultiResReconstructorSettings, ObscuranceInput, ObscuranceSampling, ObscuranceSettings,
+    ObscuranceVolume, Payload, ReconstructorInput, ReconstructorSettings, ReflectiveShadowMap,
+    ReflectiveShadowMapInput, Sampling, ScreenSpaceGiInput, ScreenSpaceGiSettings, SgHull,
+    SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize, ShadowMap, SoftShadowsInput,
+    SoftShadowsSettings, SplatInput, SplatSettings, SurfelShaderInput, SurfelShaderSettings,
+    SurfelizerInput, SurfelizerSettings, TemporalAccumulator, TemporalInput, TemporalSettings,
+    Timestamps, Viewport, VolumetricObscurance, VolumetricObscuranceDescriptor,
     glam::{DVec3, dcamera::rh::proj::directx},
     scenes, wgpu,
 };
 use support::gpu::{Ask, Gpu};
+use support::testing::pipelines;
 use support::testing::shot::{Shot, camera_of};
 
 /// A begin and an end for each of some recordings. What the times are is the driver's affair: lavapipe's are wrong once a
@@ -73,29 +72,20 @@ impl Times {
 
 #[test]
 fn recordings_from_surfels_write_their_times() {
-    let gpu = Gpu::open(Ask::from_env()).expect("a graphics adapter");
+    let gpu = pipelines::gpu();
     let device = &gpu.device;
-    let Some(times) = Times::of(&gpu, 9) else {
+    let Some(times) = Times::of(gpu, 9) else {
         return;
     };
     let scene = scenes::cornell();
-    let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, [16, 16]));
+    let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, [16, 16]));
     let effect = AmbientOcclusion::default().effect();
     let settings = SplatSettings::default();
-    let surfelizer = Surfelizer::new(device, None).expect("pipelines");
-    let splatter = ShellSplatter::new(
-        device,
-        &ShellSplatterDescriptor {
-            effect: &effect,
-            subgroups: false,
-            statistics: false,
-            cache: None,
-        },
-    )
-    .expect("pipelines");
-    let shader = SurfelShader::new(device, None).expect("pipelines");
+    let surfelizer = pipelines::surfelizer();
+    let splatter = pipelines::shell_splatter(&effect, false);
+    let shader = pipelines::surfel_shader();
     let format = wgpu::TextureFormat::R32Float;
-    let reconstructor = Reconstructor::new(device, &effect, format, None).expect("pipelines");
+    let reconstructor = pipelines::reconstructor(&effect, format);
     let capacity = CloudCapacity {
         surfels: 1 << 12,
         pieces: 1 << 12,
@@ -216,8 +206,7 @@ fn recordings_from_surfels_write_their_times() {
     accumulator
         .record(device, &mut encoder, &input, &settings, &mut history)
         .expect("a mean");
-    let tracer =
-        BouncedZBuffer::new(device, &BouncedDescriptor::default(), None).expect("pipelines");
+    let tracer = pipelines::bounced(&BouncedDescriptor::default());
     let bounds = tracer.create_bounds(device, &cloud).expect("bounds");
     let hits = tracer.create_view(device, 16, 16, 16).expect("a view");
     tracer
@@ -243,7 +232,7 @@ fn recordings_from_surfels_write_their_times() {
         deferred: true,
         target: format,
     };
-    let reconstructor = HitReconstructor::new(device, &descriptor, None).expect("pipelines");
+    let reconstructor = pipelines::hit_reconstructor(&descriptor);
     let scratch = reconstructor.create_view(device, 16, 16).expect("a view");
     let input = HitReconstructorInput {
         gbuffer: shot.gbuffer(),
@@ -259,23 +248,23 @@ fn recordings_from_surfels_write_their_times() {
     reconstructor
         .record(device, &mut encoder, &input, &settings, &scratch)
         .expect("a picture");
-    times.check(&gpu, encoder);
+    times.check(gpu, encoder);
 }
 
 #[test]
 fn recordings_from_the_gbuffer_alone_write_their_times() {
-    let gpu = Gpu::open(Ask::from_env()).expect("a graphics adapter");
+    let gpu = pipelines::gpu();
     let device = &gpu.device;
-    let Some(times) = Times::of(&gpu, 8) else {
+    let Some(times) = Times::of(gpu, 8) else {
         return;
     };
     let scene = scenes::cornell();
     let camera = camera_of(&scene, 0, [32, 32]);
-    let shot = Shot::new(&gpu, &scene, &camera);
+    let shot = Shot::new(gpu, &scene, &camera);
     let gbuffer = shot.lit_gbuffer();
     let mut encoder = gpu.encoder();
 
-    let mask = MultiResMask::new(device, None).expect("pipelines");
+    let mask = pipelines::multi_res_mask();
     let mut masks = mask.create_view(device, 32, 32, false).expect("a view");
     let levels = MultiResMaskSettings::OCCLUSION;
     let input = MultiResMaskInput {
@@ -344,8 +333,7 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
         target: target.texture().into(),
         timestamps: Some(times.stamps(3)),
     };
-    SoftShadows::new(device, None)
-        .expect("pipelines")
+    pipelines::soft_shadows()
         .record(
             device,
             &mut encoder,
@@ -364,8 +352,7 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
         target: light_of.texture().into(),
         timestamps: Some(times.stamps(4)),
     };
-    ScreenSpaceGi::new(device, None)
-        .expect("pipelines")
+    pipelines::screen_space_gi()
         .record(
             device,
             &mut encoder,
@@ -444,5 +431,5 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
         &view,
     )
     .expect("a picture");
-    times.check(&gpu, encoder);
+    times.check(gpu, encoder);
 }

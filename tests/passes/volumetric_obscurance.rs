@@ -5,6 +5,7 @@ use std::{
     collections::HashMap,
     sync::{Arc, LazyLock, Mutex, PoisonError},
 };
+use support::testing::pipelines;
 
 use deep_screen_space::{
     BallSamples, Camera, Combine, DepthMoments, DiskSamples, Error, NormalEncoding, NormalSpace,
@@ -22,10 +23,7 @@ use deep_screen_space::{
     scenes::{self, Scene},
     wgpu::{self, TextureFormat, TextureUsages},
 };
-use support::{
-    gpu::{Ask, Gpu},
-    raster::perspective,
-};
+use support::{gpu::Gpu, raster::perspective};
 
 const LINES: ObscuranceSampling = ObscuranceSampling::Lines(DiskSamples::Five);
 const POINTS: ObscuranceSampling = ObscuranceSampling::Points(BallSamples::ThirtyThree);
@@ -130,9 +128,6 @@ struct Case {
     settings: ObscuranceSettings,
 }
 
-static GPU: LazyLock<Gpu> =
-    LazyLock::new(|| Gpu::open(Ask::from_env()).expect("a graphics adapter"));
-
 type Passes = HashMap<(ObscuranceSampling, ObscuranceVolume), Arc<VolumetricObscurance>>;
 
 /// Pipelines, compiled once for all tests.
@@ -146,7 +141,10 @@ impl Case {
                 volume: self.volume,
                 cache: None,
             };
-            Arc::new(VolumetricObscurance::new(&GPU.device, &descriptor).expect("pipelines"))
+            Arc::new(
+                VolumetricObscurance::new(&pipelines::gpu().device, &descriptor)
+                    .expect("pipelines"),
+            )
         };
         // What it guards is whole after a panic of another test too.
         let mut passes = PASSES.lock().unwrap_or_else(PoisonError::into_inner);
@@ -193,9 +191,9 @@ fn target(gpu: &Gpu, [width, height]: [u32; 2]) -> wgpu::Texture {
     texture
 }
 
-/// The GPU's picture.
+/// The `pipelines::gpu()`'s picture.
 fn rendered(shot: &Shot, case: &Case) -> Vec<f32> {
-    let gpu = &*GPU;
+    let gpu = pipelines::gpu();
     let [width, height] = shot.size();
     let normals: Vec<[f32; 4]> = shot
         .normals
@@ -356,7 +354,7 @@ fn the_shader_agrees_with_its_mirror() {
 
 #[test]
 fn moments_agree_with_their_mirror() {
-    let gpu = &*GPU;
+    let gpu = pipelines::gpu();
     let (scene, tracer) = scene("colonnade");
     let size = [75, 50];
     let shot = Shot::of(&scene, &tracer, size);
@@ -582,7 +580,7 @@ fn a_plane_is_open_and_a_corner_is_not() {
 
 #[test]
 fn a_viewport_may_lie_off_the_corner() {
-    let gpu = &*GPU;
+    let gpu = pipelines::gpu();
     let (scene, tracer) = scene("cornell");
     let size = [40, 28];
     let mut shot = Shot::of(&scene, &tracer, size);
@@ -657,7 +655,7 @@ fn a_viewport_may_lie_off_the_corner() {
 
 #[test]
 fn sixteen_bits_of_depth_shade_no_plane() {
-    let gpu = &*GPU;
+    let gpu = pipelines::gpu();
     let size = [48, 32];
     let (_, projection) = projections(0.02, 40.0).remove(1);
     let camera = camera(projection, DVec3::ZERO, size);
@@ -868,7 +866,7 @@ fn extremes_are_numbers() {
 
 #[test]
 fn a_list_computes_its_pixels_alone() {
-    let gpu = &*GPU;
+    let gpu = pipelines::gpu();
     let (scene, tracer) = scene("cornell");
     let size = [37, 26];
     let shot = Shot::of(&scene, &tracer, size);
@@ -951,7 +949,7 @@ fn list_of(gpu: &Gpu, shot: &Shot, case: &Case) {
 
 #[test]
 fn what_cannot_be_honoured_is_refused() {
-    let gpu = &*GPU;
+    let gpu = pipelines::gpu();
     let plain = ObscuranceSettings::default();
     let bad = |settings: ObscuranceSettings, field: &str| match settings.validate() {
         Err(Error::Setting { field: found, .. }) => assert_eq!(found, field),

@@ -2,6 +2,7 @@
 //! and no call that the API allows is a validation error (which would panic here).
 
 use std::time::{Duration, Instant};
+use support::testing::pipelines;
 
 use deep_screen_space::{
     AmbientOcclusion, Camera, CloudCapacity, Placement, SplatSettings, Viewport,
@@ -9,30 +10,27 @@ use deep_screen_space::{
     scenes::{self, Part, Scene},
 };
 use support::testing::shot::{Passes, Settings, Shot, camera_of};
-use support::{
-    gpu::{Ask, Gpu},
-    raster::perspective,
-};
+use support::{gpu::Gpu, raster::perspective};
 
 /// Far more than any of these takes on two slow cores; a hang is longer.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 struct Bench {
-    gpu: Gpu,
+    gpu: &'static Gpu,
     passes: Passes,
 }
 
 impl Bench {
     fn new() -> Self {
-        let gpu = Gpu::open(Ask::from_env()).expect("a graphics adapter");
-        let passes = Passes::new(&gpu, AmbientOcclusion::default());
+        let gpu = pipelines::gpu();
+        let passes = Passes::new(gpu, AmbientOcclusion::default());
         Self { gpu, passes }
     }
 
     /// Renders, and checks what must always hold.
     fn picture(&self, name: &str, shot: &Shot, settings: &Settings) -> Vec<f32> {
         let start = Instant::now();
-        let (visibility, counts) = self.passes.render(&self.gpu, shot, settings);
+        let (visibility, counts) = self.passes.render(self.gpu, shot, settings);
         let took = start.elapsed();
         assert!(took < PATIENCE, "{name}: took {took:?}");
         assert!(
@@ -100,14 +98,14 @@ fn every_projection_gives_the_same_picture() {
     };
     let best = with(perspective(view.vertical_fov_degrees, 1.0, view.near));
     let settings = settings(3, 0.02);
-    let expected = bench.picture("infinite", &Shot::new(&bench.gpu, &scene, &best), &settings);
+    let expected = bench.picture("infinite", &Shot::new(bench.gpu, &scene, &best), &settings);
     for (name, projection, tolerance) in [
         ("forward", forward(0.1, 100.0), 0.005),
         ("reversed", reversed(0.1, 100.0), 0.002),
         ("reversed 1e-3 to 1e6", reversed(1e-3, 1e6), 0.002),
         ("forward 1e-3 to 1e6", forward(1e-3, 1e6), 0.1),
     ] {
-        let shot = Shot::new(&bench.gpu, &scene, &with(projection));
+        let shot = Shot::new(bench.gpu, &scene, &with(projection));
         let picture = bench.picture(name, &shot, &settings);
         let rmse = rmse(&picture, &expected);
         println!("{name}: RMSE {rmse}");
@@ -154,7 +152,7 @@ fn orthographic_cameras_agree_with_distant_ones() {
     .expect("a camera");
     assert!(!orthographic.is_perspective());
     let pictures = [perspective, orthographic].map(|camera| {
-        let shot = Shot::new(&bench.gpu, &scene, &camera);
+        let shot = Shot::new(bench.gpu, &scene, &camera);
         bench.picture("orthographic", &shot, &settings)
     });
     // Pixels on edges see one thing or the other, and pieces are cut otherwise.
@@ -168,7 +166,7 @@ fn any_size_and_setting() {
     let bench = Bench::new();
     let scene = scenes::cornell();
     for size in [[1, 1], [1, 53], [61, 1], [31, 17], [67, 43]] {
-        let shot = Shot::new(&bench.gpu, &scene, &camera_of(&scene, 0, size));
+        let shot = Shot::new(bench.gpu, &scene, &camera_of(&scene, 0, size));
         for levels in [1, 2, 8] {
             for epsilon in [1e-9, 0.05, 2.0] {
                 let name = format!("{size:?}, {levels} levels, epsilon {epsilon}");
@@ -176,7 +174,7 @@ fn any_size_and_setting() {
             }
         }
     }
-    let shot = Shot::new(&bench.gpu, &scene, &camera_of(&scene, 1, [33, 29]));
+    let shot = Shot::new(bench.gpu, &scene, &camera_of(&scene, 1, [33, 29]));
     for radius_pixels in [0.05, 1000.0] {
         let mut extreme = settings(2, 0.05);
         extreme.surfelizer.radius_pixels = radius_pixels;
@@ -203,11 +201,11 @@ fn any_size_and_setting() {
 fn overflow_keeps_the_picture() {
     let bench = Bench::new();
     let scene = scenes::cornell();
-    let shot = Shot::new(&bench.gpu, &scene, &camera_of(&scene, 0, [40, 40]));
+    let shot = Shot::new(bench.gpu, &scene, &camera_of(&scene, 0, [40, 40]));
     let mut all = settings(1, 0.01);
     all.surfelizer.radius_pixels = 0.5;
     let expected = bench.picture("all", &shot, &all);
-    let (_, counts) = bench.passes.render(&bench.gpu, &shot, &all);
+    let (_, counts) = bench.passes.render(bench.gpu, &shot, &all);
     assert_eq!(counts.overflow(), 0);
     let mut tenth = all;
     tenth.capacity = CloudCapacity {
@@ -215,7 +213,7 @@ fn overflow_keeps_the_picture() {
         ..all.capacity
     };
     let picture = bench.picture("a tenth", &shot, &tenth);
-    let (_, counts) = bench.passes.render(&bench.gpu, &shot, &tenth);
+    let (_, counts) = bench.passes.render(bench.gpu, &shot, &tenth);
     assert_eq!(counts.stored, tenth.capacity.surfels);
     assert!(counts.overflow() > 8 * counts.stored);
     // Surfels of sqrt(10) times the radius, 1.6 pixels: what those give by themselves.
@@ -296,11 +294,11 @@ fn any_triangle() {
     ] {
         let mut triangles = floor.to_vec();
         triangles.push(triangle);
-        let shot = Shot::new(&bench.gpu, &with_triangles(&triangles), &camera(near));
+        let shot = Shot::new(bench.gpu, &with_triangles(&triangles), &camera(near));
         bench.picture(name, &shot, &settings(3, 0.02));
     }
     let none = with_triangles(&[]);
-    let shot = Shot::new(&bench.gpu, &none, &camera(0.1));
+    let shot = Shot::new(bench.gpu, &none, &camera(0.1));
     let picture = bench.picture("no triangles", &shot, &settings(3, 0.02));
     assert!(picture.iter().all(|v| *v == 1.0));
 }
@@ -310,7 +308,7 @@ fn any_gbuffer() {
     let bench = Bench::new();
     let scene = scenes::cornell();
     let camera = camera_of(&scene, 0, [24, 24]);
-    let mut shot = Shot::new(&bench.gpu, &scene, &camera);
+    let mut shot = Shot::new(bench.gpu, &scene, &camera);
     let count = 24 * 24;
     let depth: Vec<f32> = shot
         .pixels
@@ -327,7 +325,7 @@ fn any_gbuffer() {
         [1e-30, 1e-30, -1e-30, 0.0],
         [0.0, 17.0, 0.0, 0.0],
     ] {
-        shot.upload(&bench.gpu, &depth, &vec![normal; count]);
+        shot.upload(bench.gpu, &depth, &vec![normal; count]);
         bench.picture(&format!("normals {normal:?}"), &shot, &settings(3, 0.02));
     }
     for value in [
@@ -340,7 +338,7 @@ fn any_gbuffer() {
         1e-30,
     ] {
         shot.upload(
-            &bench.gpu,
+            bench.gpu,
             &vec![value; count],
             &vec![[0.0, 0.0, 1.0, 0.0]; count],
         );

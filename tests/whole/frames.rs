@@ -7,11 +7,12 @@ use deep_screen_space::{
     scenes,
     wgpu::{TextureFormat, TextureView},
 };
+use support::testing::pipelines;
 use support::testing::shot::Shot;
 use support::{
     bounced::{Gatherer, Senders},
     errors::rmse,
-    gpu::{Ask, Gpu},
+    gpu::Gpu,
     raster::{Raster, perspective},
     scene::SceneBuffers,
     temporal::Accumulation,
@@ -51,7 +52,7 @@ fn gbuffer(gpu: &Gpu, camera: &Camera) -> Raster {
 }
 
 struct Stage {
-    gpu: Gpu,
+    gpu: &'static Gpu,
     buffers: SceneBuffers,
     senders: Senders,
     /// Matt and glossy.
@@ -61,8 +62,8 @@ struct Stage {
 
 impl Stage {
     fn new() -> Self {
-        let gpu = Gpu::open(Ask::from_env()).expect("a graphics adapter");
-        let buffers = SceneBuffers::new(&gpu, &scenes::dominoes());
+        let gpu = pipelines::gpu();
+        let buffers = SceneBuffers::new(gpu, &scenes::dominoes());
         let gatherers = [Sampling::Cosine, Sampling::Glossy].map(|sampling| {
             let descriptor = HitReconstructorDescriptor {
                 payload: Payload::Radiance,
@@ -70,8 +71,7 @@ impl Stage {
                 deferred: false,
                 target: TextureFormat::Rgba32Float,
             };
-            Gatherer::new(&gpu, (descriptor, Lighting::Surfels), [SIDE; 2], 64, false)
-                .expect("room")
+            Gatherer::new(gpu, (descriptor, Lighting::Surfels), [SIDE; 2], 64, false).expect("room")
         });
         let triangles = buffers.triangles();
         let capacity = CloudCapacity {
@@ -79,7 +79,7 @@ impl Stage {
             pieces: triangles + (1 << 14),
             triangles,
         };
-        let senders = Senders::new(&gpu, &gatherers[0], capacity).expect("room");
+        let senders = Senders::new(gpu, &gatherers[0], capacity).expect("room");
         let texels = vec![0.3_f32; (SIDE * SIDE) as usize];
         let roughness = gpu.texture(TextureFormat::R32Float, SIDE, SIDE, &texels);
         let mut stage = Self {
@@ -101,7 +101,7 @@ impl Stage {
         };
         self.senders
             .update(
-                &self.gpu,
+                self.gpu,
                 &self.gatherers[0],
                 &self.buffers,
                 &camera(0.0),
@@ -134,7 +134,7 @@ impl Stage {
         };
         gatherer
             .render(
-                &self.gpu,
+                self.gpu,
                 (raster, Some(self.roughness.texture())),
                 camera,
                 &self.senders,
@@ -148,12 +148,12 @@ impl Stage {
     fn truth(&self, kind: usize) -> Vec<f32> {
         const MANY: u32 = 4;
         let camera = camera(0.0);
-        let raster = gbuffer(&self.gpu, &camera);
+        let raster = gbuffer(self.gpu, &camera);
         let mut mean = vec![0.0; 4 * (SIDE * SIDE) as usize];
         for frame in 0..MANY {
             // None of the frames to accumulate.
             let gatherer = self.render(kind, &raster, &camera, 64, 1000 + frame);
-            let picture = gatherer.pixels(&self.gpu);
+            let picture = gatherer.pixels(self.gpu);
             for (sum, value) in mean.iter_mut().zip(picture.as_flattened()) {
                 *sum += value / MANY as f32;
             }
@@ -168,18 +168,18 @@ impl Stage {
             max_frames: u32::MAX,
             ..TemporalSettings::default()
         };
-        let mut frames = Accumulation::new(&self.gpu, [SIDE; 2], settings).expect("room");
+        let mut frames = Accumulation::new(self.gpu, [SIDE; 2], settings).expect("room");
         let mut mean = Vec::new();
         for frame in 0..FRAMES {
             let left = f64::from(FRAMES - 1 - frame);
             let camera = camera(step * left);
-            let raster = gbuffer(&self.gpu, &camera);
+            let raster = gbuffer(self.gpu, &camera);
             let gatherer = self.render(kind, &raster, &camera, FEW, frame);
             mean = frames
-                .add(&self.gpu, &raster, &camera, &gatherer.target)
+                .add(self.gpu, &raster, &camera, &gatherer.target)
                 .expect("a mean");
         }
-        let last = self.gatherers[kind].pixels(&self.gpu);
+        let last = self.gatherers[kind].pixels(self.gpu);
         [last, mean].map(|picture| rmse(picture.as_flattened(), truth))
     }
 }

@@ -1,6 +1,8 @@
 //! The passes that work from the G-buffer alone at the extremes: any scale, place and projection gives the same picture, and
 //! no garbage gives a value that is not a number.
 
+use std::sync::LazyLock;
+
 use deep_screen_space::{
     Camera, Components, DiskSamples, Gatherer, Light, MultiResMask, MultiResMaskSettings,
     ObscuranceInput, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume, ScreenSpaceGi,
@@ -10,18 +12,19 @@ use deep_screen_space::{
     glam::{DMat4, DVec3, dcamera::rh::proj::directx as right},
     wgpu::{self, TextureFormat as Format},
 };
-use support::gpu::{Ask, Gpu};
+use support::gpu::Gpu;
 use support::testing::multi_res::{Frame, framed, random, read_image, read_mask, record};
+use support::testing::pipelines;
 
 const MAP: u32 = 64;
 
 /// The pipelines.
 struct Passes {
-    gpu: Gpu,
+    gpu: &'static Gpu,
     obscurance: VolumetricObscurance,
-    shadows: SoftShadows,
-    light: ScreenSpaceGi,
-    mask: MultiResMask,
+    shadows: &'static SoftShadows,
+    light: &'static ScreenSpaceGi,
+    mask: &'static MultiResMask,
     gatherer: Gatherer,
     hull: SgHull,
 }
@@ -38,10 +41,11 @@ struct World {
     light: Light,
 }
 
+static PASSES: LazyLock<Passes> = LazyLock::new(Passes::new);
+
 impl Passes {
     fn new() -> Self {
-        let gpu =
-            Gpu::open(Ask::from_env()).expect("a graphics adapter; scripts/test.sh installs one");
+        let gpu = pipelines::gpu();
         let device = &gpu.device;
         let descriptor = VolumetricObscuranceDescriptor {
             sampling: ObscuranceSampling::Lines(DiskSamples::Nine),
@@ -59,9 +63,9 @@ impl Passes {
         };
         Self {
             obscurance: VolumetricObscurance::new(device, &descriptor).expect("pipelines"),
-            shadows: SoftShadows::new(device, None).expect("pipelines"),
-            light: ScreenSpaceGi::new(device, None).expect("pipelines"),
-            mask: MultiResMask::new(device, None).expect("pipelines"),
+            shadows: pipelines::soft_shadows(),
+            light: pipelines::screen_space_gi(),
+            mask: pipelines::multi_res_mask(),
             hull: SgHull::new(device, &hull).expect("pipelines"),
             gatherer,
             gpu,
@@ -166,7 +170,7 @@ impl Passes {
 
         let masks = record(
             gpu,
-            &self.mask,
+            self.mask,
             &frame.input(),
             &MultiResMaskSettings::OCCLUSION,
         );
@@ -279,11 +283,11 @@ fn off(a: &[DVec3], b: &[DVec3]) -> usize {
 
 #[test]
 fn scale_and_place_change_nothing() {
-    let passes = Passes::new();
+    let passes = &*PASSES;
     let size = [64, 48];
     let projection = |scale: f64| right::perspective_infinite_reverse(1.0, 4.0 / 3.0, 0.1 * scale);
     let pictures = |scale: f64, place: DVec3| {
-        let world = world(&passes.gpu, projection(scale), size, scale, place);
+        let world = world(passes.gpu, projection(scale), size, scale, place);
         passes.render(&world, stripes)
     };
     let standard = pictures(1.0, DVec3::ZERO);
@@ -315,9 +319,9 @@ fn scale_and_place_change_nothing() {
 
 #[test]
 fn projections_agree() {
-    let passes = Passes::new();
+    let passes = &*PASSES;
     let pictures = |projection: DMat4| {
-        let world = world(&passes.gpu, projection, [64, 48], 1.0, DVec3::ZERO);
+        let world = world(passes.gpu, projection, [64, 48], 1.0, DVec3::ZERO);
         passes.render(&world, stripes)
     };
     let aspect = 4.0 / 3.0;
@@ -341,7 +345,7 @@ fn projections_agree() {
 /// Any bits in any texture, of any size.
 #[test]
 fn garbage_gives_numbers() {
-    let passes = Passes::new();
+    let passes = &*PASSES;
     let gpu = &passes.gpu;
     let odd = [
         f32::NAN,

@@ -2,6 +2,7 @@
 //! what it shows with an ordinary camera that sees the same.
 
 use std::sync::LazyLock;
+use support::testing::pipelines;
 
 use deep_screen_space::{
     AmbientOcclusion, BouncedSettings, Camera, Channels, Components, DiskSamples, Error, Gatherer,
@@ -32,10 +33,10 @@ struct All {
     splat: Passes,
     lines: VolumetricObscurance,
     areas: VolumetricObscurance,
-    mask: MultiResMask,
-    gi: ScreenSpaceGi,
+    mask: &'static MultiResMask,
+    gi: &'static ScreenSpaceGi,
     history: TemporalAccumulator,
-    shadows: SoftShadows,
+    shadows: &'static SoftShadows,
     gatherer: Gatherer,
     hull: SgHull,
 }
@@ -60,14 +61,14 @@ static ALL: LazyLock<All> = LazyLock::new(|| {
         cache: None,
     };
     All {
-        shadows: SoftShadows::new(device, None).expect("pipelines"),
+        shadows: pipelines::soft_shadows(),
         hull: SgHull::new(device, &hull).expect("pipelines"),
         gatherer,
-        splat: Passes::new(&lab().gpu, AmbientOcclusion::default()),
+        splat: Passes::new(lab().gpu, AmbientOcclusion::default()),
         lines: obscurance(ObscuranceSampling::Lines(DiskSamples::Six)),
         areas: obscurance(ObscuranceSampling::OneArea),
-        mask: MultiResMask::new(device, None).expect("pipelines"),
-        gi: ScreenSpaceGi::new(device, None).expect("pipelines"),
+        mask: pipelines::multi_res_mask(),
+        gi: pipelines::screen_space_gi(),
         history: TemporalAccumulator::new(device, Channels::One, Format::R32Float, None)
             .expect("pipelines"),
     }
@@ -132,7 +133,7 @@ fn pictures([shot, before, lamp]: &[Shot; 3]) -> Vec<(&'static str, Vec<f32>)> {
     let frame = Frame::of_shot(gpu, shot);
     let masks = multi_res::record(
         gpu,
-        &all.mask,
+        all.mask,
         &frame.input(),
         &MultiResMaskSettings::OCCLUSION,
     );

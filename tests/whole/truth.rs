@@ -6,11 +6,9 @@ use deep_screen_space::{
     reference::trace::Receiver,
     scenes::{self, Part, Scene},
 };
+use support::raster::perspective;
+use support::testing::pipelines;
 use support::testing::shot::{Passes, Settings, Shot, camera_of};
-use support::{
-    gpu::{Ask, Gpu},
-    raster::perspective,
-};
 
 /// Rays a pixel of the truth: its own error is below 0.02 at the worst pixel, some thousandths over an image.
 const RAYS: u32 = 128;
@@ -40,8 +38,8 @@ fn compare(shot: &Shot, visibility: &[f32], radius: f64) -> (f64, f64) {
 /// in the README.
 #[test]
 fn errors_stay_what_they_are() {
-    let gpu = Gpu::open(Ask::from_env()).expect("a graphics adapter");
-    let passes = Passes::new(&gpu, AmbientOcclusion::default());
+    let gpu = pipelines::gpu();
+    let passes = Passes::new(gpu, AmbientOcclusion::default());
     let mut failures = Vec::new();
     for (name, near, far) in [
         ("cornell", 0.10, 0.17),
@@ -51,7 +49,7 @@ fn errors_stay_what_they_are() {
         ("closed_room", 0.12, 0.04),
     ] {
         let scene = scenes::by_name(name).expect("a scene");
-        let shot = Shot::new(&gpu, &scene, &camera_of(&scene, 0, [96, 64]));
+        let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, [96, 64]));
         for (radius, bound) in [(scene.ao_radius, near), (f32::INFINITY, far)] {
             let settings = Settings::new(
                 1.0,
@@ -62,7 +60,7 @@ fn errors_stay_what_they_are() {
                     ..SplatSettings::default()
                 },
             );
-            let (visibility, counts) = passes.render(&gpu, &shot, &settings);
+            let (visibility, counts) = passes.render(gpu, &shot, &settings);
             assert_eq!(counts.overflow(), 0, "{name}");
             let (rmse, bias) = compare(&shot, &visibility, f64::from(radius));
             println!("{name}, radius {radius}: RMSE {rmse:.4}, bias {bias:+.4}");
@@ -116,8 +114,8 @@ fn box_on_floor() -> Scene {
 /// root, to a quarter over this range of sixteen. 0.3 leaves room for the truth's own noise.
 #[test]
 fn smaller_surfels_approach_the_truth() {
-    let gpu = Gpu::open(Ask::from_env()).expect("a graphics adapter");
-    let passes = Passes::new(&gpu, AmbientOcclusion::default());
+    let gpu = pipelines::gpu();
+    let passes = Passes::new(gpu, AmbientOcclusion::default());
     let camera = Camera::look_at(
         DVec3::new(1.5, 2.0, 2.5),
         DVec3::new(0.0, 0.3, 0.0),
@@ -126,7 +124,7 @@ fn smaller_surfels_approach_the_truth() {
         Viewport::full(64, 64),
     )
     .expect("a camera");
-    let shot = Shot::new(&gpu, &box_on_floor(), &camera);
+    let shot = Shot::new(gpu, &box_on_floor(), &camera);
     let errors = [8.0, 4.0, 2.0, 1.0, 0.5].map(|radius_pixels| {
         let settings = Settings::new(
             radius_pixels,
@@ -135,7 +133,7 @@ fn smaller_surfels_approach_the_truth() {
                 ..SplatSettings::default()
             },
         );
-        let (visibility, counts) = passes.render(&gpu, &shot, &settings);
+        let (visibility, counts) = passes.render(gpu, &shot, &settings);
         assert_eq!(counts.overflow(), 0);
         compare(&shot, &visibility, f64::INFINITY).0
     });

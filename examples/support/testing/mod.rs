@@ -3,6 +3,7 @@
 pub mod kernel;
 pub mod multi_res;
 pub mod passes;
+pub mod pipelines;
 pub mod rays;
 pub mod refusals;
 pub mod shot;

@@ -1,5 +1,6 @@
 //! G-buffers drawn on the CPU, and the masks of them.
 
+use crate::testing::pipelines;
 use deep_screen_space::{
     Camera, GBuffer, MultiResMask, MultiResMaskInput, MultiResMaskSettings, MultiResView,
     NormalEncoding, NormalSpace, Viewport, WorkList,
@@ -242,8 +243,8 @@ pub fn check_work(
     record_effect: impl Fn(&mut wgpu::CommandEncoder, Option<WorkList<'_>>, &wgpu::TextureView),
 ) {
     let size = frame.size();
-    let pass = MultiResMask::new(&gpu.device, None).expect("pipelines");
-    let view = record(gpu, &pass, &frame.input(), &MultiResMaskSettings::OCCLUSION);
+    let pass = pipelines::multi_res_mask();
+    let view = record(gpu, pass, &frame.input(), &MultiResMaskSettings::OCCLUSION);
     let full = gpu.storage(format, size[0], size[1]);
     let mut encoder = gpu.encoder();
     record_effect(&mut encoder, None, &full);

@@ -1,9 +1,10 @@
 //! The passes wired for tests that make their own G-buffer.
 
+use crate::testing::pipelines;
 use deep_screen_space::{
     Camera, Channels, CloudCapacity, ClusterInput, Effect, Error, GBuffer, Geometry, Mesh,
-    PositionFormat, ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatSettings, SplatView,
-    SurfelCloud, SurfelClusters, Surfelizer, SurfelizerInput, SurfelizerSettings, Vertices,
+    PositionFormat, ShellSplatter, SplatInput, SplatSettings, SplatView, SurfelCloud,
+    SurfelClusters, Surfelizer, SurfelizerInput, SurfelizerSettings, Vertices,
     glam::DVec3,
     reference::{packing::unpack_normal, shell_splatter::Receiver},
     wgpu::{self, BufferUsages},
@@ -27,8 +28,8 @@ pub fn effect(source: &str, channels: Channels, albedo: bool) -> Effect {
 
 /// Pipelines, and a cloud of tiny triangles that become one surfel each, in their order.
 pub struct Passes {
-    surfelizer: Surfelizer,
-    splatter: ShellSplatter,
+    surfelizer: &'static Surfelizer,
+    splatter: &'static ShellSplatter,
     pub cloud: SurfelCloud,
     clusters: Option<SurfelClusters>,
     levels: u32,
@@ -38,17 +39,8 @@ impl Passes {
     /// Room for `surfels` of them.
     pub fn new(gpu: &Gpu, effect: &Effect, surfels: u32) -> Self {
         let device = &gpu.device;
-        let surfelizer = Surfelizer::new(device, None).expect("pipelines");
-        let splatter = ShellSplatter::new(
-            device,
-            &ShellSplatterDescriptor {
-                effect,
-                subgroups: false,
-                statistics: false,
-                cache: None,
-            },
-        )
-        .expect("pipelines");
+        let surfelizer = pipelines::surfelizer();
+        let splatter = pipelines::shell_splatter(effect, false);
         let capacity = CloudCapacity {
             surfels,
             pieces: surfels,

@@ -1,6 +1,7 @@
 //! Rays of pixels wired for tests: a device, pipelines, senders, and hits read back.
 
-use std::sync::{LazyLock, OnceLock};
+use crate::testing::pipelines;
+use std::sync::LazyLock;
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Camera,
@@ -16,40 +17,17 @@ use deep_screen_space::{
     wgpu,
 };
 
-use crate::{
-    gpu::{Ask, Gpu},
-    testing::shot::Shot,
-};
+use crate::{gpu::Gpu, testing::shot::Shot};
 
 /// The device and the pipelines, made once for all tests.
 pub struct Lab {
-    pub gpu: Gpu,
-    pub surfelizer: Surfelizer,
-    tracers: Vec<(BouncedDescriptor, BouncedZBuffer)>,
-    /// By payload, sampling and whether they are deferred.
-    reconstructors: [OnceLock<HitReconstructor>; 8],
+    pub gpu: &'static Gpu,
+    pub surfelizer: &'static Surfelizer,
 }
 
-static LAB: LazyLock<Lab> = LazyLock::new(|| {
-    let gpu = Gpu::open(Ask::from_env()).expect("a graphics adapter");
-    let mut tracers = Vec::new();
-    for payload in [Payload::Occlusion, Payload::Radiance] {
-        for sampling in [Sampling::Cosine, Sampling::Uniform] {
-            let descriptor = BouncedDescriptor {
-                payload,
-                sampling,
-                ..BouncedDescriptor::default()
-            };
-            let tracer = BouncedZBuffer::new(&gpu.device, &descriptor, None).expect("pipelines");
-            tracers.push((descriptor, tracer));
-        }
-    }
-    Lab {
-        surfelizer: Surfelizer::new(&gpu.device, None).expect("pipelines"),
-        tracers,
-        reconstructors: Default::default(),
-        gpu,
-    }
+static LAB: LazyLock<Lab> = LazyLock::new(|| Lab {
+    gpu: pipelines::gpu(),
+    surfelizer: pipelines::surfelizer(),
 });
 
 pub fn lab() -> &'static Lab {
@@ -80,16 +58,16 @@ pub struct Senders {
 }
 
 impl Lab {
-    pub fn tracer(&self, payload: Payload, sampling: Sampling) -> &BouncedZBuffer {
-        let found = self
-            .tracers
-            .iter()
-            .find(|(d, _)| (d.payload, d.sampling) == (payload, sampling));
-        &found.expect("all are made").1
+    pub fn tracer(&self, payload: Payload, sampling: Sampling) -> &'static BouncedZBuffer {
+        pipelines::bounced(&BouncedDescriptor {
+            payload,
+            sampling,
+            ..BouncedDescriptor::default()
+        })
     }
 
-    fn any(&self) -> &BouncedZBuffer {
-        &self.tracers[0].1
+    fn any() -> &'static BouncedZBuffer {
+        pipelines::bounced(&BouncedDescriptor::default())
     }
 
     pub fn senders(
@@ -105,7 +83,7 @@ impl Lab {
             .create_cloud(device, capacity)
             .expect("a cloud");
         let mut senders = Senders {
-            bounds: self.any().create_bounds(device, &cloud).expect("bounds"),
+            bounds: Self::any().create_bounds(device, &cloud).expect("bounds"),
             cloud,
             counts: SurfelCounts::default(),
             pieces: Vec::new(),
@@ -133,7 +111,7 @@ impl Lab {
         self.surfelizer
             .record(device, &mut encoder, &input, settings, &mut senders.cloud)
             .expect("surfels");
-        self.any()
+        Self::any()
             .record_bounds(device, &mut encoder, &senders.cloud, &senders.bounds, None)
             .expect("bounds");
         self.gpu.finish(encoder);
@@ -245,18 +223,12 @@ impl Lab {
         payload: Payload,
         sampling: Sampling,
         deferred: bool,
-    ) -> &HitReconstructor {
-        let index = 4 * usize::from(payload == Payload::Radiance)
-            + 2 * usize::from(sampling == Sampling::Uniform)
-            + usize::from(deferred);
-        let descriptor = HitReconstructorDescriptor {
+    ) -> &'static HitReconstructor {
+        pipelines::hit_reconstructor(&HitReconstructorDescriptor {
             payload,
             sampling,
             deferred,
             target: wgpu::TextureFormat::Rgba32Float,
-        };
-        self.reconstructors[index].get_or_init(|| {
-            HitReconstructor::new(&self.gpu.device, &descriptor, None).expect("pipelines")
         })
     }
 

@@ -1,10 +1,11 @@
 //! A scene, a camera and the G-buffer that it sees, ray-cast; and the passes wired for ambient occlusion.
 
+use crate::testing::pipelines;
 use deep_screen_space::{
     AmbientOcclusion, Camera, CloudCapacity, ClusterInput, GBuffer, Geometry, NormalEncoding,
     NormalSpace, Reconstructor, ReconstructorInput, ReconstructorSettings, ShellSplatter,
-    ShellSplatterDescriptor, SplatInput, SplatSettings, SurfelCounts, Surfelizer, SurfelizerInput,
-    SurfelizerSettings, Viewport,
+    SplatInput, SplatSettings, SurfelCounts, Surfelizer, SurfelizerInput, SurfelizerSettings,
+    Viewport,
     glam::DVec3,
     reference::{
         gbuffer::{self, Pixel},
@@ -210,9 +211,9 @@ impl Settings {
 
 /// Pipelines for ambient occlusion into `R32Float`.
 pub struct Passes {
-    surfelizer: Surfelizer,
-    splatter: ShellSplatter,
-    reconstructor: Reconstructor,
+    surfelizer: &'static Surfelizer,
+    splatter: &'static ShellSplatter,
+    reconstructor: &'static Reconstructor,
 }
 
 impl Passes {
@@ -220,19 +221,12 @@ impl Passes {
         let device = &gpu.device;
         let effect = effect.effect();
         Self {
-            surfelizer: Surfelizer::new(device, None).expect("pipelines"),
-            splatter: ShellSplatter::new(
-                device,
-                &ShellSplatterDescriptor {
-                    effect: &effect,
-                    subgroups: device.features().contains(wgpu::Features::SUBGROUP),
-                    statistics: false,
-                    cache: None,
-                },
-            )
-            .expect("pipelines"),
-            reconstructor: Reconstructor::new(device, &effect, wgpu::TextureFormat::R32Float, None)
-                .expect("pipelines"),
+            surfelizer: pipelines::surfelizer(),
+            splatter: pipelines::shell_splatter(
+                &effect,
+                device.features().contains(wgpu::Features::SUBGROUP),
+            ),
+            reconstructor: pipelines::reconstructor(&effect, wgpu::TextureFormat::R32Float),
         }
     }
 

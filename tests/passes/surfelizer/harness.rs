@@ -1,6 +1,7 @@
 //! A device, triangles on it, and the cloud that comes back, in the terms of the mirror.
 
 use std::sync::LazyLock;
+use support::testing::pipelines;
 
 use deep_screen_space::{
     Camera, CloudCapacity, Error, Geometry, Mesh, Piece, PositionFormat, Surfel, SurfelCloud,
@@ -12,21 +13,17 @@ use deep_screen_space::{
     wgpu::{self, BufferUsages},
 };
 
-use support::{
-    gpu::{Ask, Gpu},
-    raster::perspective,
-};
+use support::{gpu::Gpu, raster::perspective};
 
 /// The device and the pipelines, made once for all tests.
 pub struct Fixture {
-    pub gpu: Gpu,
-    pub surfelizer: Surfelizer,
+    pub gpu: &'static Gpu,
+    pub surfelizer: &'static Surfelizer,
 }
 
-static FIXTURE: LazyLock<Fixture> = LazyLock::new(|| {
-    let gpu = Gpu::open(Ask::from_env()).expect("a graphics adapter; scripts/test.sh installs one");
-    let surfelizer = Surfelizer::new(&gpu.device, None).expect("the device has the default limits");
-    Fixture { gpu, surfelizer }
+static FIXTURE: LazyLock<Fixture> = LazyLock::new(|| Fixture {
+    gpu: pipelines::gpu(),
+    surfelizer: pipelines::surfelizer(),
 });
 
 pub fn fixture() -> &'static Fixture {
