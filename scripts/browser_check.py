@@ -107,10 +107,15 @@ try {
   const { vendor, architecture, description } = (await navigator.gpu.requestAdapter())?.info ?? {};
   if (vendor === undefined) throw new Error('no WebGPU adapter');
   await post('/note', `adapter: ${[vendor, architecture, description].filter(Boolean).join(' ')}`);
-  for (const shader of await (await fetch('/shaders')).json()) {
-    const problems = await check(shader).catch((error) => [String(error)]);
-    await post('/verdict', { name: shader.name, problems });
-  }
+  const shaders = await (await fetch('/shaders')).json();
+  // Pipelines are made on threads of the browser's own: some at a time keep them busy.
+  const work = async () => {
+    for (let shader = shaders.shift(); shader; shader = shaders.shift()) {
+      const problems = await check(shader).catch((error) => [String(error)]);
+      await post('/verdict', { name: shader.name, problems });
+    }
+  };
+  await Promise.all([work(), work(), work()]);
   await post('/end', null);
 } catch (error) {
   await post('/end', String(error));

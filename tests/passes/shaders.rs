@@ -1,7 +1,7 @@
 //! Every WGSL variant parses and validates without a GPU, with exactly the capabilities that it asks for. The texts are
 //! left in `target/wgsl` for `scripts/browser_check.py`.
 
-use std::{fs, path::Path};
+use std::{collections::HashSet, fs, path::Path};
 
 use deep_screen_space::{
     AmbientOcclusion, Channels, Effect, Error, Overlap, Shader, shaders, wgpu::Features,
@@ -33,8 +33,10 @@ fn resolve(sum: vec3f, albedo: vec3f) -> vec4f {
     }
 }
 
+/// Those that do not follow the effect stand once.
 fn variants() -> Vec<Shader> {
-    let mut all = Vec::new();
+    let mut all: Vec<Shader> = Vec::new();
+    let mut sources = HashSet::new();
     for effect in [
         AmbientOcclusion::default().effect(),
         AmbientOcclusion {
@@ -46,6 +48,9 @@ fn variants() -> Vec<Shader> {
         everything(),
     ] {
         for shader in shaders(&effect).expect("well-formed directives") {
+            if !sources.insert(shader.source.clone()) {
+                continue;
+            }
             let name = format!(
                 "{} for {}{}",
                 shader.name,
