@@ -28,7 +28,7 @@ use deep_screen_space::{
 };
 use support::{
     arguments,
-    bounced::{Gatherer, Senders},
+    bounced::{Gatherer, TracedScene},
     errors::rmse,
     files,
     gpu::{Ask, Gpu},
@@ -152,7 +152,7 @@ struct Studio<'o> {
     buffers: SceneBuffers,
     tracer: Tracer,
     size: [u32; 2],
-    senders: Senders,
+    senders: TracedScene,
     /// By [`Kind`].
     gatherers: [Gatherer; 2],
     out: &'o Path,
@@ -185,7 +185,7 @@ impl<'o> Studio<'o> {
         };
         Ok(Self {
             tracer: Tracer::new(&scene.positions, &scene.indices)?,
-            senders: Senders::new(&gpu, &gatherers[0], capacity)?,
+            senders: TracedScene::new(&gpu, &gatherers[0], capacity)?,
             gatherers,
             gpu,
             scene,
@@ -237,7 +237,6 @@ impl<'o> Studio<'o> {
         };
         self.senders.update(
             &self.gpu,
-            &self.gatherers[0],
             &self.buffers,
             &shot.camera,
             &[LIGHT],

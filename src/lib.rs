@@ -139,11 +139,11 @@ mod work;
 
 pub use bounced_z_buffer::{
     BouncedInput, BouncedZBuffer,
-    descriptor::{BouncedDescriptor, HitLighting, Lighting, Payload, Senders},
+    descriptor::{BouncedDescriptor, HitLighting, Lighting, Payload},
     settings::{BouncedSettings, DiskSettings, Merge, Sampling},
     view::BouncedView,
 };
-pub use bvh::SenderBounds;
+pub use bvh::{Bvh, BvhBuilder, Primitives};
 pub use camera::{Camera, Footprint, Viewport};
 pub use depth_moments::DepthMoments;
 pub use effect::{Channels, Effect};

@@ -10,12 +10,12 @@
 #![cfg(target_os = "linux")]
 
 use deep_screen_space::{
-    AmbientOcclusion, BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, Channels,
-    CloudCapacity, ClusterInput, Components, DiskSamples, Error, Gatherer, Geometry,
+    AmbientOcclusion, BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, BvhBuilder,
+    Channels, CloudCapacity, ClusterInput, Components, DiskSamples, Error, Gatherer, Geometry,
     HitReconstructor, HitReconstructorDescriptor, HitReconstructorInput, HitReconstructorSettings,
     Light, MultiResMask, MultiResMaskInput, MultiResMaskSettings, MultiResReconstructor,
     MultiResReconstructorInput, MultiResReconstructorSettings, ObscuranceInput, ObscuranceSampling,
-    ObscuranceSettings, ObscuranceVolume, Payload, Reconstructor, ReconstructorInput,
+    ObscuranceSettings, ObscuranceVolume, Payload, Primitives, Reconstructor, ReconstructorInput,
     ReconstructorSettings, Sampling, ScreenSpaceGi, ScreenSpaceGiInput, ScreenSpaceGiSettings,
     SgHull, SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize, ShadedLight, Shadow,
     ShadowMap, ShellSplatter, ShellSplatterDescriptor, SoftShadows, SoftShadowsInput,
@@ -210,10 +210,11 @@ fn memory_stays() {
         ..BouncedDescriptor::default()
     };
     let tracer = BouncedZBuffer::new(device, &bounced, None).expect("pipelines");
-    let bounds = tracer.create_bounds(device, &cloud).expect("bounds");
-    tracer
-        .record_bounds(device, &mut encoder, &cloud, &bounds, None)
-        .expect("bounds");
+    let builder = BvhBuilder::new(device, Primitives::Triangles, None).expect("pipelines");
+    let bvh = builder.create(device, &cloud).expect("room");
+    builder
+        .record(device, &mut encoder, &cloud, &bvh, None)
+        .expect("a hierarchy");
     let shader = SurfelShader::new(device, None).expect("pipelines");
     let lamp = Light::Point {
         position: DVec3::new(0.5, 0.9, 0.5),
@@ -221,7 +222,7 @@ fn memory_stays() {
     };
     let lights = [ShadedLight {
         light: lamp,
-        shadow: Shadow::Traced(&bounds),
+        shadow: Shadow::Traced(&bvh),
     }];
     soak.pass("lit surfels", |encoder| {
         let input = SurfelShaderInput {
@@ -298,16 +299,16 @@ fn memory_stays() {
         reconstructor.record(device, encoder, &input, &settings, &scratch)
     });
 
-    soak.pass("bounds", |encoder| {
-        let bounds = tracer.create_bounds(device, &cloud)?;
-        tracer.record_bounds(device, encoder, &cloud, &bounds, None)
+    soak.pass("bvh", |encoder| {
+        let bvh = builder.create(device, &cloud)?;
+        builder.record(device, encoder, &cloud, &bvh, None)
     });
     let traced = BouncedSettings::default();
     let input = BouncedInput {
         gbuffer,
         camera,
         cloud: &cloud,
-        bounds: &bounds,
+        bvh: &bvh,
         radiance: None,
         lighting: None,
         roughness: None,

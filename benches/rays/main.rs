@@ -111,7 +111,7 @@ fn main() {
         "scene",
         "triangles",
         "MB",
-        "bounds",
+        "bvh",
         "any",
         "nearest",
         "lit",
@@ -238,7 +238,7 @@ fn measure(
         direction: DVec3::new(0.3, -1.0, 0.2),
         irradiance: [3.0; 3],
     };
-    let bounds_bytes = Cell::new(0);
+    let bvh_bytes = Cell::new(0);
     let trace = |payload, radius, statistics, lights: &[Light]| {
         let mut preset = bounced_preset("balanced", payload, radius).expect("a preset");
         preset.bounced.directions = DIRECTIONS;
@@ -264,7 +264,7 @@ fn measure(
             .view
             .statistics()
             .map(|buffer| gpu.read_buffer(buffer));
-        bounds_bytes.set(renderer.bounds_bytes());
+        bvh_bytes.set(renderer.bvh_bytes());
         (best.expect("several runs"), counts)
     };
     let infinite = f32::INFINITY;
@@ -327,10 +327,10 @@ fn measure(
             milliseconds(start)
         })
         .fold(f64::INFINITY, f64::min);
-    let megabytes = bounds_bytes.get() as f64 / 1e6;
+    let megabytes = bvh_bytes.get() as f64 / 1e6;
 
     let [bounds, any, nearest, lit] = [
-        of(&any, "bounds"),
+        of(&any, "bvh"),
         of(&any, "trace"),
         of(&nearest, "trace"),
         of(&lit, "trace"),
@@ -346,7 +346,7 @@ fn measure(
     serde_json::json!({
         "adapter": gpu.name(), "scene": name, "width": size[0], "height": size[1], "triangles": triangles, "rays": rays,
         "bounds_ms": bounds, "any_ms": any, "nearest_ms": nearest, "lit_ms": lit,
-        "bounds_bytes": bounds_bytes.get(), "build_ms": build, "cpu_ms": cpu, "obvhs_ms": obvhs,
+        "bvh_bytes": bvh_bytes.get(), "build_ms": build, "cpu_ms": cpu, "obvhs_ms": obvhs,
         "obvhs_build_ms": best.build.as_secs_f64() * 1e3, "counts": print_counts(),
     })
 }

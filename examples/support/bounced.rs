@@ -1,12 +1,12 @@
 //! The passes wired together for effects by the bounced z-buffer.
 
 use deep_screen_space::{
-    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Camera,
-    CloudCapacity, Error, Geometry, HitLighting, HitReconstructor, HitReconstructorDescriptor,
-    HitReconstructorInput, HitReconstructorSettings, HitReconstructorView, Light, Lighting,
-    Payload, Reach, Sampling, SenderBounds, ShadedLight, Shadow, SurfelCloud, SurfelCounts,
-    SurfelShader, SurfelShaderInput, SurfelShaderSettings, Surfelizer, SurfelizerInput,
-    SurfelizerSettings, wgpu,
+    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Bvh, BvhBuilder,
+    Camera, CloudCapacity, Error, Geometry, HitLighting, HitReconstructor,
+    HitReconstructorDescriptor, HitReconstructorInput, HitReconstructorSettings,
+    HitReconstructorView, Light, Lighting, Payload, Primitives, Reach, Sampling, ShadedLight,
+    Shadow, SurfelCloud, SurfelCounts, SurfelShader, SurfelShaderInput, SurfelShaderSettings,
+    Surfelizer, SurfelizerInput, SurfelizerSettings, wgpu,
 };
 
 use super::{gpu::Gpu, presets::BouncedPreset, raster::Raster, scene::SceneBuffers};
@@ -21,17 +21,18 @@ struct SurfelLighting {
 }
 
 /// What rays are traced among. Several [`Gatherer`]s may share it.
-pub struct Senders {
+pub struct TracedScene {
     surfelizer: Surfelizer,
     pub cloud: SurfelCloud,
-    bounds: SenderBounds,
+    builder: BvhBuilder,
+    bvh: Bvh,
     surfel_lighting: Option<SurfelLighting>,
     /// What hits are lit by, of the last update.
     lights: Vec<Light>,
     materials: Option<wgpu::Buffer>,
 }
 
-impl Senders {
+impl TracedScene {
     /// Room for what the gatherer needs; unless it takes light from surfels none are made, and a capacity of 0 does.
     pub fn new(gpu: &Gpu, gatherer: &Gatherer, capacity: CloudCapacity) -> Result<Self, Error> {
         let device = &gpu.device;
@@ -45,8 +46,10 @@ impl Senders {
         } else {
             None
         };
+        let builder = BvhBuilder::new(device, Primitives::Triangles, None)?;
         Ok(Self {
-            bounds: gatherer.bounced.create_bounds(device, &cloud)?,
+            bvh: builder.create(device, &cloud)?,
+            builder,
             surfelizer,
             cloud,
             surfel_lighting,
@@ -57,19 +60,18 @@ impl Senders {
 
     fn memory_bytes(&self) -> u64 {
         self.cloud.memory_bytes()
-            + self.bounds.memory_bytes()
+            + self.bvh.memory_bytes()
             + self
                 .surfel_lighting
                 .as_ref()
                 .map_or(0, |l| l.radiance.size())
     }
 
-    /// Makes pieces and their bounds and, where they are to shine, lights `samples` points of each surfel; a submission a
+    /// Makes pieces and the hierarchy over them and, where they are to shine, lights `samples` points of each surfel; a submission a
     /// pass.
     pub fn update(
         &mut self,
         gpu: &Gpu,
-        gatherer: &Gatherer,
         scene: &SceneBuffers,
         camera: &Camera,
         lights: &[Light],
@@ -97,18 +99,17 @@ impl Senders {
         done?;
         passes.push(("surfelize", ms));
         let (ms, done) = gpu.time(|encoder| {
-            gatherer
-                .bounced
-                .record_bounds(device, encoder, &self.cloud, &self.bounds, None)
+            self.builder
+                .record(device, encoder, &self.cloud, &self.bvh, None)
         });
         done?;
-        passes.push(("bounds", ms));
+        passes.push(("bvh", ms));
         if let Some(lighting) = &self.surfel_lighting {
             let lights: Vec<_> = lights
                 .iter()
                 .map(|light| ShadedLight {
                     light: *light,
-                    shadow: Shadow::Traced(&self.bounds),
+                    shadow: Shadow::Traced(&self.bvh),
                 })
                 .collect();
             let (ms, done) = gpu.time(|encoder| {
@@ -180,18 +181,18 @@ impl Gatherer {
         gpu: &Gpu,
         (raster, roughness): (&Raster, Option<&wgpu::Texture>),
         camera: &Camera,
-        senders: &Senders,
+        scene: &TracedScene,
         (traced, settings): (&BouncedSettings, &HitReconstructorSettings),
     ) -> Result<Vec<Timed>, Error> {
         let device = &gpu.device;
-        let materials = senders.materials.as_ref();
+        let materials = scene.materials.as_ref();
         let lighting = materials
             .filter(|_| {
                 (self.descriptor.payload, self.lighting) == (Payload::Radiance, Lighting::Hits)
             })
             .map(|materials| HitLighting {
                 materials,
-                lights: &senders.lights,
+                lights: &scene.lights,
             });
         let (trace_ms, done) = gpu.time(|encoder| {
             self.bounced.record(
@@ -200,9 +201,9 @@ impl Gatherer {
                 &BouncedInput {
                     gbuffer: raster.gbuffer(),
                     camera,
-                    cloud: &senders.cloud,
-                    bounds: &senders.bounds,
-                    radiance: senders.surfel_lighting.as_ref().map(|l| &l.radiance),
+                    cloud: &scene.cloud,
+                    bvh: &scene.bvh,
+                    radiance: scene.surfel_lighting.as_ref().map(|l| &l.radiance),
                     lighting,
                     roughness: roughness.map(Into::into),
                     timestamps: None,
@@ -220,7 +221,7 @@ impl Gatherer {
                     gbuffer: raster.gbuffer(),
                     roughness: roughness.map(Into::into),
                     camera,
-                    cloud: &senders.cloud,
+                    cloud: &scene.cloud,
                     hits: &self.view,
                     traced,
                     target: self.target.texture().into(),
@@ -242,7 +243,7 @@ impl Gatherer {
 
 /// The pipelines and one view of matt receivers.
 pub struct BouncedRenderer {
-    senders: Senders,
+    scene: TracedScene,
     pub gatherer: Gatherer,
 }
 
@@ -293,19 +294,19 @@ impl BouncedRenderer {
             statistics,
         )?;
         Ok(Self {
-            senders: Senders::new(gpu, &gatherer, capacity)?,
+            scene: TracedScene::new(gpu, &gatherer, capacity)?,
             gatherer,
         })
     }
 
     /// GPU memory of what rays traverse, bytes.
-    pub fn bounds_bytes(&self) -> u64 {
-        self.senders.bounds.memory_bytes()
+    pub fn bvh_bytes(&self) -> u64 {
+        self.scene.bvh.memory_bytes()
     }
 
     /// GPU memory of everything that the passes own, bytes.
     pub fn memory_bytes(&self) -> u64 {
-        self.senders.memory_bytes()
+        self.scene.memory_bytes()
             + self.gatherer.view.memory_bytes()
             + self.gatherer.scratch.memory_bytes()
     }
@@ -330,11 +331,11 @@ impl BouncedRenderer {
                 preset.bounced.radius
             },
         };
-        let (senders, gatherer) = (&mut self.senders, &self.gatherer);
-        let mut passes = senders.update(gpu, gatherer, scene, camera, lights, (&settings, 1))?;
+        let (traced, gatherer) = (&mut self.scene, &self.gatherer);
+        let mut passes = traced.update(gpu, scene, camera, lights, (&settings, 1))?;
         let how = (&preset.bounced, &preset.reconstructor);
-        passes.extend(gatherer.render(gpu, (raster, None), camera, senders, how)?);
-        let counts: Vec<SurfelCounts> = gpu.read_buffer(senders.cloud.counters());
+        passes.extend(gatherer.render(gpu, (raster, None), camera, traced, how)?);
+        let counts: Vec<SurfelCounts> = gpu.read_buffer(traced.cloud.counters());
         Ok(Picture {
             pixels: gatherer.pixels(gpu),
             passes,

@@ -3,7 +3,7 @@
 use wgpu::Buffer;
 
 use super::settings::Sampling;
-use crate::light::Light;
+use crate::{bvh::Primitives, light::Light};
 
 /// What is kept of a hit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -24,7 +24,7 @@ pub enum Lighting {
     #[default]
     Surfels,
     /// From the lights, at the hit itself, by a ray to each through the same bounds: exact, and no surfel is needed (a
-    /// cloud with a capacity of 0 surfels does). Costs a ray a hit and light. Not with [`Senders::Disks`].
+    /// cloud with a capacity of 0 surfels does). Costs a ray a hit and light. Not with [`Primitives::Disks`].
     Hits,
 }
 
@@ -38,31 +38,13 @@ pub struct HitLighting<'a> {
     pub lights: &'a [Light],
 }
 
-/// What directions meet.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Senders {
-    /// A cloud's pieces, which are triangles: exact.
-    #[default]
-    Pieces,
-    /// A cloud's surfels as disks, from either side, as in the paper (The Bounced Z-buffer 4.2): for comparison with it.
-    /// Disks leave gaps between them, which rays pass through, and stick out at edges.
-    ///
-    /// On level l a pixel meets one surfel in 4^l, 2^l times as large, at distances within the level's shell
-    /// ([`DiskSettings`](crate::DiskSettings)). On level 0 those that lie in the pixel's own surface are left out: turned
-    /// by less than acos 0.8, with less than half a radius between the pixel and their plane, and hit within four radii.
-    Disks {
-        /// Number of levels, 1…8; 1 for plain disks without levels.
-        levels: u32,
-    },
-}
-
 /// What a [`BouncedZBuffer`](crate::BouncedZBuffer) is compiled for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BouncedDescriptor {
     /// What is kept of a hit.
     pub payload: Payload,
-    /// What directions meet.
-    pub senders: Senders,
+    /// What rays meet.
+    pub primitives: Primitives,
     /// How directions are drawn.
     pub sampling: Sampling,
     /// Where the light of a hit is taken from.
@@ -80,7 +62,7 @@ impl BouncedDescriptor {
     pub(crate) fn flags(&self) -> Vec<&'static str> {
         let mut flags = Vec::new();
         flags.extend((self.payload == Payload::Radiance).then_some("RADIANCE"));
-        flags.extend(matches!(self.senders, Senders::Disks { .. }).then_some("SENDER_DISKS"));
+        flags.extend(matches!(self.primitives, Primitives::Disks { .. }).then_some("SENDER_DISKS"));
         if self.lit() {
             flags.extend(["LIT", "SHADOW_RAYS"]);
         }

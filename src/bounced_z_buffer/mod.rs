@@ -11,13 +11,13 @@ use wgpu::{
 };
 
 use self::{
-    descriptor::{BouncedDescriptor, HitLighting, Lighting, Payload, Senders},
+    descriptor::{BouncedDescriptor, HitLighting, Lighting, Payload},
     params::{BouncedParams, DiskParams, LightsParams, MAX_LIGHTS},
-    settings::{BouncedSettings, MAX_DIRECTIONS, MAX_LEVELS, Sampling},
+    settings::{BouncedSettings, MAX_DIRECTIONS, Sampling},
     view::{BouncedView, Hits},
 };
 use crate::{
-    bvh::{SenderBounds, SenderBoundsPass},
+    bvh::{Bvh, Primitives},
     camera::Camera,
     error::{Error, check_setting},
     gbuffer::{GBuffer, check_roughness},
@@ -41,7 +41,7 @@ const SOURCE: &str = include_str!("../../wgsl/bounced_z_buffer.wgsl");
 const LABEL: &str = "deep-screen-space bounced z-buffer";
 
 /// Finds what each pixel meets first along directions of its own: exactly, whether it is hidden, off screen or edge-on,
-/// among the triangles that a cloud was made of (or, for comparison, among its surfels as disks: [`Senders`]). What lies
+/// among the triangles that a cloud was made of (or, for comparison, among its surfels as disks: [`Primitives`]). What lies
 /// behind a hit does not count, so that light neither passes through surfaces nor is blocked twice.
 ///
 /// Holds pipelines only; one serves any number of clouds and views.
@@ -50,7 +50,6 @@ pub struct BouncedZBuffer {
     descriptor: BouncedDescriptor,
     layout: BindGroupLayout,
     trace: ComputePipeline,
-    bounds: SenderBoundsPass,
     receivers: ReceiversPass,
 }
 
@@ -61,11 +60,11 @@ pub struct BouncedInput<'a> {
     pub gbuffer: GBuffer<'a>,
     /// The camera that the G-buffer was drawn with; it may be another than the cloud's (stereo, split screen).
     pub camera: &'a Camera,
-    /// The cloud whose pieces or surfels are the senders. Recorded with [`SurfelizerSettings::density`](crate::SurfelizerSettings::density)
+    /// The cloud whose pieces or surfels rays meet. Recorded with [`SurfelizerSettings::density`](crate::SurfelizerSettings::density)
     /// at infinity its pieces are the caller's triangles, and hits are exact.
     pub cloud: &'a SurfelCloud,
-    /// Their bounds, recorded since the cloud was.
-    pub bounds: &'a SenderBounds,
+    /// The hierarchy over the cloud's pieces or surfels, recorded since the cloud was.
+    pub bvh: &'a Bvh,
     /// With [`Lighting::Surfels`] and [`Payload::Radiance`] a storage buffer of a
     /// [`SurfelRadiance`](crate::SurfelRadiance) for each surfel of the cloud, as the [`SurfelShader`](crate::SurfelShader) or
     /// the caller fills it. What is not a number or negative counts as 0, and what is above 1e30 as that.
@@ -92,22 +91,13 @@ impl BouncedZBuffer {
         descriptor: &BouncedDescriptor,
         cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
-        let mut disk_levels = None;
-        if let Senders::Disks { levels } = descriptor.senders {
-            disk_levels = Some(levels);
-            check_setting(
-                (1..=MAX_LEVELS).contains(&levels),
-                "Senders::Disks::levels",
-                levels,
-                "1 to 8",
-            )?;
-        }
+        descriptor.primitives.validate()?;
         let mut entries = vec![(0, UNIFORM), (1, READ), (4, UINT_2D), (11, UNIFORM)];
         check_setting(
-            !descriptor.lit() || descriptor.senders == Senders::Pieces,
-            "BouncedDescriptor::senders",
-            f64::from(u8::from(descriptor.senders != Senders::Pieces)),
-            "Senders::Pieces, with Lighting::Hits",
+            !descriptor.lit() || descriptor.primitives == Primitives::Triangles,
+            "BouncedDescriptor::primitives",
+            f64::from(u8::from(descriptor.primitives != Primitives::Triangles)),
+            "Primitives::Triangles, with Lighting::Hits",
         )?;
         entries.extend(match (descriptor.payload, descriptor.lighting) {
             (Payload::Occlusion, _) => vec![(5, WRITE)],
@@ -116,14 +106,16 @@ impl BouncedZBuffer {
                 vec![(5, store_colors()), (13, UNIFORM), (14, READ)]
             }
         });
-        entries.extend(match (descriptor.senders, descriptor.payload) {
-            (Senders::Disks { .. }, _) => {
+        entries.extend(match (descriptor.primitives, descriptor.payload) {
+            (Primitives::Disks { .. }, _) => {
                 vec![(2, FLOAT_2D), (16, UNIFORM), (17, READ), (18, READ)]
             }
-            (Senders::Pieces, Payload::Occlusion) => vec![(2, UINT_2D), (3, UINT_2D)],
-            (Senders::Pieces, Payload::Radiance) => vec![(2, UINT_2D), (3, UINT_2D), (8, READ)],
+            (Primitives::Triangles, Payload::Occlusion) => vec![(2, UINT_2D), (3, UINT_2D)],
+            (Primitives::Triangles, Payload::Radiance) => {
+                vec![(2, UINT_2D), (3, UINT_2D), (8, READ)]
+            }
         });
-        let offsets = descriptor.senders == Senders::Pieces
+        let offsets = descriptor.primitives == Primitives::Triangles
             && (descriptor.payload, descriptor.lighting) == (Payload::Radiance, Lighting::Surfels);
         entries.extend(offsets.then_some((7, READ)));
         entries.extend(descriptor.statistics.then_some((10, WRITE)));
@@ -145,21 +137,8 @@ impl BouncedZBuffer {
             descriptor: *descriptor,
             layout,
             trace,
-            bounds: SenderBoundsPass::new(device, disk_levels, cache)?,
             receivers: ReceiversPass::new(device, cache)?,
         })
-    }
-
-    /// Room for the bounds of a cloud's pieces, or of its surfels as disks, as the descriptor says.
-    ///
-    /// # Errors
-    /// [`Error::Limit`] where the device cannot hold or bind as much.
-    pub fn create_bounds(
-        &self,
-        device: &Device,
-        cloud: &SurfelCloud,
-    ) -> Result<SenderBounds, Error> {
-        self.bounds.create(device, cloud)
     }
 
     /// Room for a view of `width` × `height` pixels with up to `directions` directions each.
@@ -219,30 +198,12 @@ impl BouncedZBuffer {
         })
     }
 
-    /// Records the bounds of a cloud's senders, after the recording that makes the cloud and before those that trace it.
-    ///
-    /// # Errors
-    /// [`Error::Mismatch`] where the bounds were made for other senders or another cloud's capacity, [`Error::Recording`] for a
-    /// cloud that was not recorded.
-    pub fn record_bounds(
-        &self,
-        device: &Device,
-        encoder: &mut CommandEncoder,
-        cloud: &SurfelCloud,
-        bounds: &SenderBounds,
-        timestamps: Option<Timestamps<'_>>,
-    ) -> Result<(), Error> {
-        check_timestamps(timestamps)?;
-        self.bounds
-            .record(device, encoder, cloud, bounds, timestamps)
-    }
-
     /// Records the tracing of a view's directions.
     ///
     /// # Errors
     /// What [`GBuffer::validate`] and [`BouncedSettings::validate`] find; [`Error::Mismatch`] where the view was made for
-    /// another descriptor or size or for fewer directions, or the bounds for another cloud's capacity; [`Error::Recording`] where the
-    /// bounds were not recorded from this cloud, since that was; [`Error::Buffer`] for radiance
+    /// another descriptor or size or for fewer directions, or the hierarchy for another cloud's capacity; [`Error::Recording`] where the
+    /// hierarchy was not recorded from this cloud, since that was; [`Error::Buffer`] for radiance
     /// that is missing or too small, or for materials; what [`Light::validate`](crate::Light::validate) finds; [`Error::Mismatch`] for lighting that is
     /// missing, and [`Error::Setting`] for too many lights; what [`GBuffer::validate`] finds of views, and [`Error::Mismatch`] where there is none,
     /// for roughness; [`Error::Setting`] where radiance of pieces is asked for and the surfels are not leaves of them
@@ -270,25 +231,25 @@ impl BouncedZBuffer {
             viewport,
         )?;
         let disks;
-        let (nodes, senders) = match self.descriptor.senders {
-            Senders::Pieces => {
-                let bounds = input.bounds.pieces(cloud)?;
-                let mut senders = vec![(3, binding::view(&bounds.triangles))];
+        let (nodes, primitives) = match self.descriptor.primitives {
+            Primitives::Triangles => {
+                let bounds = input.bvh.triangles(cloud)?;
+                let mut primitives = vec![(3, binding::view(&bounds.triangles))];
                 if self.descriptor.payload == Payload::Radiance {
-                    senders.push((8, whole(&cloud.pieces)));
+                    primitives.push((8, whole(&cloud.pieces)));
                 }
-                senders.extend(radiance.map(|_| (7, whole(&cloud.piece_offsets.values))));
-                (&bounds.nodes, senders)
+                primitives.extend(radiance.map(|_| (7, whole(&cloud.piece_offsets.values))));
+                (&bounds.nodes, primitives)
             }
-            Senders::Disks { levels } => {
-                let bounds = input.bounds.disks(cloud, levels)?;
+            Primitives::Disks { levels } => {
+                let bounds = input.bvh.disks(cloud, levels)?;
                 disks = uniform(device, LABEL, &DiskParams::new(&settings.disks, bounds));
-                let senders = vec![
+                let primitives = vec![
                     (16, whole(&disks)),
                     (17, whole(&cloud.surfels)),
                     (18, whole(&cloud.sources)),
                 ];
-                (&bounds.nodes, senders)
+                (&bounds.nodes, primitives)
             }
         };
 
@@ -320,7 +281,7 @@ impl BouncedZBuffer {
             (4, binding::view(&view.receivers.view)),
             (11, whole(&camera)),
         ];
-        resources.extend(senders);
+        resources.extend(primitives);
         match &view.hits {
             Hits::Bits(buffer) => resources.push((5, whole(buffer))),
             Hits::Colors(colors) => resources.push((5, binding::view(colors))),
@@ -435,7 +396,7 @@ impl BouncedZBuffer {
         }
         check_setting(
             input.cloud.placement == Placement::Centroid
-                || self.descriptor.senders != Senders::Pieces,
+                || self.descriptor.primitives != Primitives::Triangles,
             "SurfelizerSettings::placement",
             f64::from(input.cloud.placement.code()),
             "Placement::Centroid, for radiance of pieces",
@@ -469,19 +430,19 @@ fn source(descriptor: &BouncedDescriptor) -> Result<String, Error> {
 /// Every module of the pass.
 pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
     for payload in [Payload::Occlusion, Payload::Radiance] {
-        for senders in [Senders::Pieces, Senders::Disks { levels: 1 }] {
+        for primitives in [Primitives::Triangles, Primitives::Disks { levels: 1 }] {
             for sampling in [Sampling::Cosine, Sampling::Glossy] {
                 for lighting in [Lighting::Surfels, Lighting::Hits] {
                     for statistics in [false, true] {
                         let descriptor = BouncedDescriptor {
                             payload,
-                            senders,
+                            primitives,
                             sampling,
                             lighting,
                             statistics,
                         };
                         let lit = lighting == Lighting::Hits;
-                        let disks = senders != Senders::Pieces;
+                        let disks = primitives != Primitives::Triangles;
                         if lit && (disks || !descriptor.lit()) {
                             continue;
                         }

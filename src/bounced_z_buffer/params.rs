@@ -4,11 +4,12 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::{
-    settings::{BouncedSettings, DiskSettings, MAX_LEVELS},
+    settings::{BouncedSettings, DiskSettings},
     words,
 };
 use crate::{
     bvh::disks::DiskBounds,
+    bvh::disks::MAX_LEVELS,
     light::{Light, LightParams},
     surfel::CloudCapacity,
 };

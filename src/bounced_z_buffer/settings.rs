@@ -28,7 +28,7 @@ impl Sampling {
     }
 }
 
-/// Which of the levels' hits counts, with [`Senders::Disks`](crate::Senders::Disks).
+/// Which of the levels' hits counts, with [`Primitives::Disks`](crate::Primitives::Disks).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Merge {
     /// The nearest one. Shells are measured in radii of the surfel that is hit, so that a far and large one may be hit on
@@ -50,7 +50,7 @@ impl Merge {
     }
 }
 
-/// Settings of [`Senders::Disks`](crate::Senders::Disks).
+/// Settings of [`Primitives::Disks`](crate::Primitives::Disks).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DiskSettings {
     /// Where level 0 ends, in radii of the surfel that is hit, > 0; `f32::INFINITY` leaves all to level 0. With m for it
@@ -63,9 +63,6 @@ pub struct DiskSettings {
     /// Which of the random permutations deals pixels to sub-buffers, 0…2²⁴. Default 0.
     pub seed: u32,
 }
-
-/// The most levels that there can be: 4^7 sub-buffers.
-pub(crate) const MAX_LEVELS: u32 = 8;
 
 impl Default for DiskSettings {
     fn default() -> Self {
@@ -115,7 +112,7 @@ pub struct BouncedSettings {
     /// Radiance that comes from where nothing is hit, linear RGB, W/(m² sr), each 0…1e18; of use with
     /// [`Payload::Radiance`](crate::Payload::Radiance) alone. Default black.
     pub background: [f32; 3],
-    /// Of use with [`Senders::Disks`](crate::Senders::Disks) alone.
+    /// Of use with [`Primitives::Disks`](crate::Primitives::Disks) alone.
     pub disks: DiskSettings,
 }
 

@@ -21,6 +21,9 @@ const SOURCE: &str = include_str!("../../wgsl/disk_bounds.wgsl");
 
 const LABEL: &str = "deep-screen-space disk bounds";
 
+/// Of disks.
+pub(crate) const MAX_LEVELS: u32 = 8;
+
 /// Texels of a row of the texture, and vectors that a node has, as in the shader.
 const ROW: u64 = 4096;
 const NODE_TEXELS: u64 = 7;
@@ -28,7 +31,7 @@ const NODE_TEXELS: u64 = 7;
 /// A tree over the surfels of each sub-buffer of each level.
 #[derive(Debug)]
 pub(crate) struct DiskBounds {
-    /// What is built, and the texture that gets a copy of it, as in [`crate::SenderBounds`].
+    /// What is built, and the texture that gets a copy of it, as in [`crate::Bvh`].
     built: VectorArray,
     pub nodes: TextureView,
     levels: Vec<LevelTrees>,
@@ -276,7 +279,6 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bounced_z_buffer::settings::MAX_LEVELS;
 
     /// Nodes of a tree stay within its room at every depth, whatever the count.
     #[test]

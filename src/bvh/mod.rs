@@ -9,52 +9,88 @@ pub(crate) mod triangles;
 use wgpu::{CommandEncoder, Device, PipelineCache};
 
 use self::{
-    disks::{DiskBounds, DiskBoundsPass},
+    disks::{DiskBounds, DiskBoundsPass, MAX_LEVELS},
     triangles::{TriangleBvh, TriangleBvhPass},
 };
 use crate::{
-    error::Error,
-    gpu::Timestamps,
+    error::{Error, check_setting},
+    gpu::{Timestamps, check_timestamps},
     recorded::{Last, Stamp},
     shaders::Listing,
     surfel::SurfelCloud,
 };
 
-/// A bounding volume hierarchy over a cloud's senders: what a ray skips by. Made anew from each recording of the cloud;
-/// nothing of it is kept from frame to frame. That of pieces takes 48 bytes a piece in one binding, as the cloud's own buffer
-/// of them does: within `Limits::default()` up to 2 796 202 pieces, and up to 2^23 where the device binds more.
+const NAME: &str = "Bvh";
+
+/// What a [`Bvh`] is built over, and rays meet.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Primitives {
+    /// A cloud's pieces, which are triangles: exact.
+    #[default]
+    Triangles,
+    /// A cloud's surfels as disks, from either side, as in the paper (The Bounced Z-buffer 4.2): for comparison with it.
+    /// Disks leave gaps between them, which rays pass through, and stick out at edges.
+    ///
+    /// On level l a pixel meets one surfel in 4^l, 2^l times as large, at distances within the level's shell
+    /// ([`DiskSettings`](crate::DiskSettings)). On level 0 those that lie in the pixel's own surface are left out: turned
+    /// by less than acos 0.8, with less than half a radius between the pixel and their plane, and hit within four radii.
+    Disks {
+        /// Number of levels, 1…8; 1 for plain disks without levels.
+        levels: u32,
+    },
+}
+
+impl Primitives {
+    pub(crate) fn validate(self) -> Result<(), Error> {
+        match self {
+            Self::Triangles => Ok(()),
+            Self::Disks { levels } => check_setting(
+                (1..=MAX_LEVELS).contains(&levels),
+                "Primitives::Disks::levels",
+                levels,
+                "1 to 8",
+            ),
+        }
+    }
+}
+
+/// A bounding volume hierarchy over the primitives of a cloud, which rays traverse. A [`BvhBuilder`] makes it, and records it
+/// anew after each recording of the cloud; nothing of it is kept from frame to frame.
+///
+/// Any number of passes and views trace the same one: [`BouncedZBuffer`](crate::BouncedZBuffer),
+/// [`Shadow::Traced`](crate::Shadow::Traced).
 #[derive(Debug)]
-pub struct SenderBounds {
+pub struct Bvh {
     bounds: Bounds,
     /// The cloud's recording.
     recorded: Last<Stamp>,
 }
 
-/// Of either kind of senders.
+/// Of either kind of primitives.
 #[derive(Debug)]
 enum Bounds {
-    Pieces(Box<TriangleBvh>),
+    Triangles(Box<TriangleBvh>),
     Disks(Box<DiskBounds>),
 }
 
-impl SenderBounds {
+impl Bvh {
     /// GPU memory that it owns, bytes.
     pub fn memory_bytes(&self) -> u64 {
         match &self.bounds {
-            Bounds::Pieces(bvh) => bvh.memory_bytes(),
+            Bounds::Triangles(bvh) => bvh.memory_bytes(),
             Bounds::Disks(bounds) => bounds.memory_bytes(),
         }
     }
 
-    /// Those of a cloud's pieces. [`Error::Mismatch`] where they are of another kind or for another capacity,
+    /// That over a cloud's pieces. [`Error::Mismatch`] where they are of another kind or for another capacity,
     /// [`Error::Recording`] where they were not recorded from this cloud, since that was.
-    pub(crate) fn pieces(&self, cloud: &SurfelCloud) -> Result<&TriangleBvh, Error> {
-        let bvh = self.room_for_pieces(cloud)?;
+    pub(crate) fn triangles(&self, cloud: &SurfelCloud) -> Result<&TriangleBvh, Error> {
+        let bvh = self.room_for_triangles(cloud)?;
         self.check_source(cloud)?;
         Ok(bvh)
     }
 
-    /// Those of a cloud's surfels as disks on so many levels.
+    /// That over a cloud's surfels as disks on so many levels.
     pub(crate) fn disks(&self, cloud: &SurfelCloud, levels: u32) -> Result<&DiskBounds, Error> {
         let bounds = self.room_for_disks(cloud, levels)?;
         self.check_source(cloud)?;
@@ -63,13 +99,13 @@ impl SenderBounds {
 
     fn check_source(&self, cloud: &SurfelCloud) -> Result<(), Error> {
         cloud.last()?;
-        cloud.check_source("SenderBounds", &self.recorded.get("SenderBounds")?)
+        cloud.check_source(NAME, &self.recorded.get(NAME)?)
     }
 
-    fn room_for_pieces(&self, cloud: &SurfelCloud) -> Result<&TriangleBvh, Error> {
+    fn room_for_triangles(&self, cloud: &SurfelCloud) -> Result<&TriangleBvh, Error> {
         match &self.bounds {
-            Bounds::Pieces(bvh) if bvh.capacity() == cloud.capacity.pieces => Ok(bvh),
-            _ => Err(self.mismatch(describe_pieces(cloud.capacity.pieces))),
+            Bounds::Triangles(bvh) if bvh.capacity() == cloud.capacity.pieces => Ok(bvh),
+            _ => Err(self.mismatch(describe_triangles(cloud.capacity.pieces))),
         }
     }
 
@@ -86,9 +122,9 @@ impl SenderBounds {
 
     fn mismatch(&self, needed: String) -> Error {
         Error::Mismatch {
-            name: "SenderBounds",
+            name: NAME,
             found: match &self.bounds {
-                Bounds::Pieces(bvh) => describe_pieces(bvh.capacity()),
+                Bounds::Triangles(bvh) => describe_triangles(bvh.capacity()),
                 Bounds::Disks(bounds) => describe_disks(bounds.capacity, bounds.levels()),
             },
             needed,
@@ -96,81 +132,94 @@ impl SenderBounds {
     }
 }
 
-fn describe_pieces(capacity: u32) -> String {
-    format!("{capacity} pieces")
+fn describe_triangles(capacity: u32) -> String {
+    format!("{capacity} triangles")
 }
 
 fn describe_disks(capacity: u32, levels: u32) -> String {
     format!("{capacity} disks on {levels} levels")
 }
 
-/// The pipelines for one kind of senders.
+/// Builds [`Bvh`]s on the GPU: one [`BvhBuilder::record`] a frame and cloud, between the recording that makes the cloud and
+/// those that trace it.
+///
+/// Holds pipelines only; one serves any number of clouds.
 #[derive(Debug)]
-pub(crate) enum SenderBoundsPass {
-    Pieces(Box<TriangleBvhPass>),
+pub struct BvhBuilder(Builder);
+
+#[derive(Debug)]
+enum Builder {
+    Triangles(Box<TriangleBvhPass>),
     Disks(DiskBoundsPass, u32),
 }
 
-impl SenderBoundsPass {
-    /// Of pieces, or of disks on so many levels.
+impl BvhBuilder {
+    /// Compiles the pipelines for one kind of primitives. Needs no features and nothing beyond `Limits::default()`.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] where the device was made with less than that; [`Error::Setting`] for levels out of range.
     pub fn new(
         device: &Device,
-        disk_levels: Option<u32>,
+        primitives: Primitives,
         cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
-        Ok(match disk_levels {
-            None => Self::Pieces(Box::new(TriangleBvhPass::new(device, cache)?)),
-            Some(levels) => Self::Disks(DiskBoundsPass::new(device, cache)?, levels),
-        })
+        primitives.validate()?;
+        Ok(Self(match primitives {
+            Primitives::Triangles => {
+                Builder::Triangles(Box::new(TriangleBvhPass::new(device, cache)?))
+            }
+            Primitives::Disks { levels } => {
+                Builder::Disks(DiskBoundsPass::new(device, cache)?, levels)
+            }
+        }))
     }
 
-    pub fn create(&self, device: &Device, cloud: &SurfelCloud) -> Result<SenderBounds, Error> {
-        let bounds = match self {
-            Self::Pieces(pass) => {
-                Bounds::Pieces(Box::new(pass.create(device, cloud.capacity.pieces)?))
+    /// Room for the hierarchy over the primitives of a cloud, by the cloud's capacity.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] where the device cannot hold or bind as much.
+    pub fn create(&self, device: &Device, cloud: &SurfelCloud) -> Result<Bvh, Error> {
+        let bounds = match &self.0 {
+            Builder::Triangles(pass) => {
+                Bounds::Triangles(Box::new(pass.create(device, cloud.capacity.pieces)?))
             }
-            Self::Disks(_, levels) => {
+            Builder::Disks(_, levels) => {
                 Bounds::Disks(Box::new(DiskBounds::new(device, cloud, *levels)?))
             }
         };
-        Ok(SenderBounds {
+        Ok(Bvh {
             bounds,
             recorded: Last::default(),
         })
     }
 
-    /// Records into a pass of its own.
+    /// Records the building, into a compute pass of its own, from what the cloud was last recorded to be.
     ///
     /// # Errors
-    /// [`Error::Mismatch`] for bounds of another kind, or of another cloud's capacity, [`Error::Recording`] for a cloud that
-    /// was not recorded.
+    /// [`Error::Mismatch`] for a hierarchy over other primitives or for another cloud's capacity, [`Error::Recording`] for a
+    /// cloud that was not recorded.
     pub fn record(
         &self,
         device: &Device,
         encoder: &mut CommandEncoder,
         cloud: &SurfelCloud,
-        bounds: &SenderBounds,
+        bvh: &Bvh,
         timestamps: Option<Timestamps<'_>>,
     ) -> Result<(), Error> {
+        check_timestamps(timestamps)?;
         let of = cloud.last()?;
-        let recorded = &bounds.recorded;
-        match self {
-            Self::Pieces(pass) => {
-                let bvh = bounds.room_for_pieces(cloud)?;
-                pass.record(
-                    device,
-                    encoder,
-                    (&cloud.pieces, &cloud.counters),
-                    bvh,
-                    timestamps,
-                );
+        match &self.0 {
+            Builder::Triangles(pass) => {
+                let primitives = (&cloud.pieces, &cloud.counters);
+                let bounds = bvh.room_for_triangles(cloud)?;
+                pass.record(device, encoder, primitives, bounds, timestamps);
             }
-            Self::Disks(pass, levels) => {
-                let bounds = bounds.room_for_disks(cloud, *levels)?;
+            Builder::Disks(pass, levels) => {
+                let bounds = bvh.room_for_disks(cloud, *levels)?;
                 pass.record(device, encoder, cloud, bounds, timestamps);
             }
         }
-        recorded.set(of);
+        bvh.recorded.set(of);
         Ok(())
     }
 }

@@ -13,7 +13,7 @@ use self::{
     settings::SurfelShaderSettings,
 };
 use crate::{
-    bvh::SenderBounds,
+    bvh::Bvh,
     camera::Camera,
     error::{Error, check_limit, check_setting},
     geometry::Material,
@@ -63,10 +63,9 @@ pub enum Shadow<'a> {
     None,
     /// In the caller's shadow map.
     Map(ShadowMap<'a>),
-    /// By a ray from the surfel to the light, among the pieces of its cloud, given their bounds recorded since the cloud
-    /// was ([`BouncedZBuffer::record_bounds`](crate::BouncedZBuffer::record_bounds)): exact, without a map or a
-    /// bias. What the cloud was culled of casts none.
-    Traced(&'a SenderBounds),
+    /// By a ray from the surfel to the light, among the triangles that its cloud was made of, given the hierarchy over them,
+    /// recorded since the cloud was ([`BvhBuilder::record`](crate::BvhBuilder::record)): exact, without a map or a bias. What the cloud was culled of casts none.
+    Traced(&'a Bvh),
 }
 
 /// A light's shadow map: depth as seen from the light, by one camera or by several.
@@ -240,8 +239,8 @@ impl SurfelShader {
             match shadow {
                 Shadow::None => {}
                 Shadow::Map(map) => map.validate()?,
-                Shadow::Traced(bounds) => {
-                    bounds.pieces(input.cloud)?;
+                Shadow::Traced(bvh) => {
+                    bvh.triangles(input.cloud)?;
                 }
             }
         }
@@ -314,8 +313,8 @@ impl SurfelShader {
                 resources.extend([(7, whole(&shadow)), (8, view(&depth))]);
                 &self.mapped
             }
-            Some(Shadow::Traced(bounds)) => {
-                let bounds = bounds.pieces(cloud)?;
+            Some(Shadow::Traced(bvh)) => {
+                let bounds = bvh.triangles(cloud)?;
                 resources.extend([(9, view(&bounds.nodes)), (10, view(&bounds.triangles))]);
                 &self.traced
             }

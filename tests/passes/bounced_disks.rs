@@ -6,7 +6,7 @@ use support::testing::pipelines;
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Camera,
-    CloudCapacity, DiskSettings, Error, Geometry, Merge, Payload, Placement, Sampling, Senders,
+    CloudCapacity, DiskSettings, Error, Geometry, Merge, Payload, Placement, Primitives, Sampling,
     Surfel, SurfelCloud, SurfelCounts, SurfelRadiance, SurfelSource, SurfelizerInput,
     SurfelizerSettings, Viewport,
     glam::DVec3,
@@ -91,39 +91,43 @@ fn surfels(radius_pixels: f32, placement: Placement) -> SurfelizerSettings {
     }
 }
 
-/// Pipelines of one kind.
-fn pass(payload: Payload, senders: Senders) -> &'static BouncedZBuffer {
+/// The pipelines for one kind of primitives, and these.
+type Pass = (&'static BouncedZBuffer, Primitives);
+
+fn pass(payload: Payload, primitives: Primitives) -> Pass {
     let descriptor = BouncedDescriptor {
         payload,
-        senders,
+        primitives,
         ..BouncedDescriptor::default()
     };
-    pipelines::bounced(&descriptor)
+    (pipelines::bounced(&descriptor), primitives)
 }
 
 fn trace(
     gpu: &Gpu,
     shot: &Shot,
     cloud: &SurfelCloud,
-    pass: &BouncedZBuffer,
+    (pass, primitives): Pass,
     settings: &BouncedSettings,
     radiance: Option<&wgpu::Buffer>,
 ) -> BouncedView {
     let device = &gpu.device;
     let Viewport { width, height, .. } = shot.camera.viewport();
-    let bounds = pass.create_bounds(device, cloud).expect("bounds");
+    let builder = pipelines::bvh_builder(primitives);
+    let bvh = builder.create(device, cloud).expect("a hierarchy");
     let view = pass
         .create_view(device, width, height, settings.directions)
         .expect("a view");
     let mut encoder = gpu.encoder();
-    pass.record_bounds(device, &mut encoder, cloud, &bounds, None)
-        .expect("bounds");
+    builder
+        .record(device, &mut encoder, cloud, &bvh, None)
+        .expect("a hierarchy");
     let input = BouncedInput {
         lighting: None,
         gbuffer: shot.gbuffer(),
         camera: &shot.camera,
         cloud,
-        bounds: &bounds,
+        bvh: &bvh,
         radiance,
         timestamps: None,
         roughness: None,
@@ -241,7 +245,7 @@ const TIE: f64 = 1e-5;
 
 /// Compares which surfel each ray hits with the mirror, and whether any.
 fn compare(gpu: &Gpu, shot: &Shot, cloud: &Cloud, levels: u32, settings: &BouncedSettings) {
-    let senders = Senders::Disks { levels };
+    let senders = Primitives::Disks { levels };
     let inputs = format!("{} disks, {levels} levels, {settings:?}", cloud.disks.len());
     let radiance = radiance_of_indices(gpu, cloud.cloud.capacity().surfels);
     let by_radiance = pass(Payload::Radiance, senders);
@@ -428,7 +432,7 @@ fn every_surfel_is_in_one_sub_buffer_a_level() {
         };
         let settings = settings(64, disks);
         let level = levels - 1;
-        let pass = pass(Payload::Radiance, Senders::Disks { levels });
+        let pass = pass(Payload::Radiance, Primitives::Disks { levels });
         let radiance = radiance_of_indices(gpu, cloud.cloud.capacity().surfels);
         let view = trace(gpu, &shot, &cloud.cloud, pass, &settings, Some(&radiance));
         let mut met = BTreeSet::new();
@@ -536,7 +540,7 @@ fn the_finest_level_may_hide_the_nearest_hit() {
             radius,
             ..settings(16, disks)
         };
-        let senders = Senders::Disks { levels };
+        let senders = Primitives::Disks { levels };
         let radiance = radiance_of_indices(gpu, cloud.cloud.capacity().surfels);
         let colors = pass(Payload::Radiance, senders);
         let colors = trace(gpu, &shot, &cloud.cloud, colors, &settings, Some(&radiance));
@@ -586,14 +590,14 @@ fn closed_rooms_leak_through_disks_and_not_through_pieces() {
     let gpu = pipelines::gpu();
     let shot = shot(gpu, "closed_room", 0, [48, 36]);
     let bounced = settings(16, DiskSettings::default());
-    let pieces = pass(Payload::Occlusion, Senders::Pieces);
+    let pieces = pass(Payload::Occlusion, Primitives::Triangles);
     for placement in [Placement::Random, Placement::Centroid] {
         let cloud = cloud_of(gpu, &shot, &surfels(2.0, placement)).cloud;
         let exact = trace(gpu, &shot, &cloud, pieces, &bounced, None);
         let exact = share(&blocked(gpu, &exact, &bounced), false);
         assert_eq!(exact, 0.0, "{placement:?}");
         for levels in [1, 5] {
-            let disks = pass(Payload::Occlusion, Senders::Disks { levels });
+            let disks = pass(Payload::Occlusion, Primitives::Disks { levels });
             let view = trace(gpu, &shot, &cloud, disks, &bounced, None);
             let leaks = share(&blocked(gpu, &view, &bounced), false);
             println!(
@@ -642,7 +646,7 @@ fn errors(found: &[bool], truth: &[bool], directions: usize) -> [f64; 3] {
 fn smaller_disks_block_less_that_is_open() {
     let gpu = pipelines::gpu();
     let shot = shot(gpu, "cornell", 1, [64, 48]);
-    let pass = pass(Payload::Occlusion, Senders::Disks { levels: 1 });
+    let pass = pass(Payload::Occlusion, Primitives::Disks { levels: 1 });
     let bounced = settings(16, DiskSettings::default());
     for placement in [Placement::Centroid, Placement::Random] {
         let [coarse, fine] = [4.0, 0.7].map(|radius_pixels| {
@@ -674,7 +678,7 @@ fn what_does_not_fit_is_a_typed_error() {
     let device = &gpu.device;
     for levels in [0, 9, u32::MAX] {
         let descriptor = BouncedDescriptor {
-            senders: Senders::Disks { levels },
+            primitives: Primitives::Disks { levels },
             ..BouncedDescriptor::default()
         };
         let error = BouncedZBuffer::new(device, &descriptor, None).map(|_| ());
@@ -682,7 +686,7 @@ fn what_does_not_fit_is_a_typed_error() {
             matches!(
                 error,
                 Err(Error::Setting {
-                    field: "Senders::Disks::levels",
+                    field: "Primitives::Disks::levels",
                     ..
                 })
             ),
@@ -722,44 +726,39 @@ fn what_does_not_fit_is_a_typed_error() {
     let shot = shot(gpu, "cornell", 0, [8, 8]);
     let cloud = cloud_of(gpu, &shot, &surfels(4.0, Placement::Random)).cloud;
     let kinds = [
-        Senders::Pieces,
-        Senders::Disks { levels: 2 },
-        Senders::Disks { levels: 3 },
+        Primitives::Triangles,
+        Primitives::Disks { levels: 2 },
+        Primitives::Disks { levels: 3 },
     ];
-    let passes = kinds.map(|senders| pass(Payload::Occlusion, senders));
-    for (pass, senders) in passes.iter().zip(kinds) {
+    for primitives in kinds {
+        let (pass, _) = pass(Payload::Occlusion, primitives);
         let view = pass.create_view(device, 8, 8, 1).expect("a view");
-        for (other, of) in passes.iter().zip(kinds) {
-            let bounds = other.create_bounds(device, &cloud).expect("bounds");
+        for of in kinds {
+            let bvh = pipelines::bvh_builder(of).create(device, &cloud);
+            let bvh = bvh.expect("a hierarchy");
             let mut encoder = gpu.encoder();
             let input = BouncedInput {
                 lighting: None,
                 gbuffer: shot.gbuffer(),
                 camera: &shot.camera,
                 cloud: &cloud,
-                bounds: &bounds,
+                bvh: &bvh,
                 radiance: None,
                 timestamps: None,
                 roughness: None,
             };
             let settings = settings(1, good);
             let recorded = [
-                pass.record_bounds(device, &mut encoder, &cloud, &bounds, None),
+                pipelines::bvh_builder(primitives).record(device, &mut encoder, &cloud, &bvh, None),
                 pass.record(device, &mut encoder, &input, &settings, &view),
             ];
             for result in recorded {
-                if senders == of {
-                    assert_eq!(result, Ok(()), "{senders:?}");
+                if primitives == of {
+                    assert_eq!(result, Ok(()), "{primitives:?}");
                 } else {
                     assert!(
-                        matches!(
-                            result,
-                            Err(Error::Mismatch {
-                                name: "SenderBounds",
-                                ..
-                            })
-                        ),
-                        "{senders:?} with bounds of {of:?}: {result:?}"
+                        matches!(result, Err(Error::Mismatch { name: "Bvh", .. })),
+                        "{primitives:?} with {of:?}: {result:?}"
                     );
                 }
             }
@@ -775,7 +774,7 @@ fn few_surfels_are_no_trouble() {
     for (count, expected) in [(0, false), (1, true), (5, true)] {
         let (shot, cloud) = over_a_floor(gpu, &vec![disk; count], 8);
         for levels in 1..=8 {
-            let pass = pass(Payload::Occlusion, Senders::Disks { levels });
+            let pass = pass(Payload::Occlusion, Primitives::Disks { levels });
             let bounced = settings(16, DiskSettings::default());
             let view = trace(gpu, &shot, &cloud.cloud, pass, &bounced, None);
             let blocked = share(&blocked(gpu, &view, &bounced), true);

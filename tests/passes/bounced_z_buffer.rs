@@ -5,7 +5,8 @@ use support::testing::pipelines;
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, Camera, CloudCapacity, Error,
-    Payload, Placement, Sampling, SurfelRadiance, SurfelizerSettings, Timestamps, Viewport,
+    Payload, Placement, Primitives, Sampling, SurfelRadiance, SurfelizerSettings, Timestamps,
+    Viewport,
     glam::{DMat4, DVec2, DVec3, DVec4},
     reference::{
         bounced_z_buffer::{Senders, Tracing},
@@ -707,7 +708,7 @@ fn statistics_count() {
         gbuffer: shot.gbuffer(),
         camera: &shot.camera,
         cloud: &senders.cloud,
-        bounds: &senders.bounds,
+        bvh: &senders.bounds,
         radiance: None,
         timestamps: None,
         roughness: None,
@@ -1072,7 +1073,7 @@ fn what_does_not_fit_is_a_typed_error() {
         gbuffer: shot.gbuffer(),
         camera: &shot.camera,
         cloud: &senders.cloud,
-        bounds: &senders.bounds,
+        bvh: &senders.bounds,
         radiance: Some(&radiance),
         timestamps: None,
         roughness: None,
@@ -1138,13 +1139,19 @@ fn what_does_not_fit_is_a_typed_error() {
 
     // Bounds, and what they are recorded for.
     let bad = BouncedInput {
-        bounds: &other.bounds,
+        bvh: &other.bounds,
         ..input
     };
-    assert_eq!(named(record(&bad, &settings(4), &view)), "SenderBounds");
+    assert_eq!(named(record(&bad, &settings(4), &view)), "Bvh");
     let mut encoder = lab.gpu.encoder();
-    let wrong = tracer.record_bounds(device, &mut encoder, &senders.cloud, &other.bounds, None);
-    assert_eq!(named(wrong), "SenderBounds");
+    let wrong = pipelines::bvh_builder(Primitives::Triangles).record(
+        device,
+        &mut encoder,
+        &senders.cloud,
+        &other.bounds,
+        None,
+    );
+    assert_eq!(named(wrong), "Bvh");
 
     // Radiance.
     let capacity = u64::from(senders.cloud.capacity().surfels);
@@ -1177,7 +1184,7 @@ fn what_does_not_fit_is_a_typed_error() {
         lab.record_senders(&mut senders, &shot.buffers.meshes(), &shot.camera, &cloud);
         let bad = BouncedInput {
             cloud: &senders.cloud,
-            bounds: &senders.bounds,
+            bvh: &senders.bounds,
             ..input
         };
         assert_eq!(
@@ -1219,7 +1226,7 @@ fn what_does_not_fit_is_a_typed_error() {
         };
         assert_eq!(named(record(&bad, &settings(4), &view)), "Timestamps::end");
         let mut encoder = lab.gpu.encoder();
-        let wrong = tracer.record_bounds(
+        let wrong = pipelines::bvh_builder(Primitives::Triangles).record(
             device,
             &mut encoder,
             &senders.cloud,

@@ -4,9 +4,9 @@ use std::f64::consts::{PI, TAU};
 use support::testing::pipelines;
 
 use deep_screen_space::{
-    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Camera,
+    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Bvh, Camera,
     CloudCapacity, Error, GBuffer, Geometry, HitReconstructorDescriptor, HitReconstructorInput,
-    HitReconstructorSettings, Payload, Sampling, SenderBounds, SurfelCloud, SurfelShaderInput,
+    HitReconstructorSettings, Payload, Primitives, Sampling, SurfelCloud, SurfelShaderInput,
     SurfelShaderSettings, SurfelizerInput, SurfelizerSettings, Viewport,
     glam::{DMat4, DVec2, DVec3},
     reference::{
@@ -111,7 +111,7 @@ struct Stage {
     cloud: SurfelCloud,
     radiance: wgpu::Buffer,
     bounced: [&'static BouncedZBuffer; 2],
-    bounds: SenderBounds,
+    bounds: Bvh,
 }
 
 impl Stage {
@@ -138,7 +138,9 @@ impl Stage {
             };
             pipelines::bounced(&descriptor)
         });
-        let bounds = bounced[0].create_bounds(device, &cloud).expect("bounds");
+        let bounds = pipelines::bvh_builder(Primitives::Triangles)
+            .create(device, &cloud)
+            .expect("bounds");
         let materials = gpu.buffer(&scene.material_table(), BufferUsages::STORAGE);
         let mut encoder = gpu.encoder();
         let input = SurfelizerInput {
@@ -156,8 +158,8 @@ impl Stage {
         surfelizer
             .record(device, &mut encoder, &input, &settings, &mut cloud)
             .expect("surfels");
-        bounced[0]
-            .record_bounds(device, &mut encoder, &cloud, &bounds, None)
+        pipelines::bvh_builder(Primitives::Triangles)
+            .record(device, &mut encoder, &cloud, &bounds, None)
             .expect("bounds");
         let radiance = shader.create_radiance(device, &cloud).expect("room");
         let input = SurfelShaderInput {
@@ -238,7 +240,7 @@ impl Stage {
             gbuffer,
             camera,
             cloud: &self.cloud,
-            bounds: &self.bounds,
+            bvh: &self.bounds,
             radiance: Some(&self.radiance),
             roughness,
             timestamps: None,

@@ -4,7 +4,7 @@ use std::{f64::consts::PI, sync::LazyLock};
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Camera,
-    CloudCapacity, Error, HitLighting, Light, Lighting, Payload, Sampling, Senders, Viewport,
+    CloudCapacity, Error, HitLighting, Light, Lighting, Payload, Primitives, Sampling, Viewport,
     glam::DVec3,
     reference::{
         bounced_z_buffer::Tracing, light::arrival, packing::unpack_color, trace::Receiver,
@@ -101,7 +101,7 @@ impl Case {
             gbuffer: self.shot.gbuffer(),
             camera: &self.shot.camera,
             cloud: &self.senders.cloud,
-            bounds: &self.senders.bounds,
+            bvh: &self.senders.bounds,
             radiance: None,
             lighting: Some(HitLighting {
                 materials: &self.materials,
@@ -431,12 +431,12 @@ fn what_does_not_fit_is_a_typed_error() {
     let scene = scenes::cornell();
     let case = Case::new(&scene, &camera_of(&scene, 0, [8, 8]), AMPLE);
     let disks = BouncedDescriptor {
-        senders: Senders::Disks { levels: 1 },
+        primitives: Primitives::Disks { levels: 1 },
         ..descriptor()
     };
     assert!(matches!(
         BouncedZBuffer::new(device, &disks, None),
-        Err(Error::Setting { field, .. }) if field == "BouncedDescriptor::senders"
+        Err(Error::Setting { field, .. }) if field == "BouncedDescriptor::primitives"
     ));
     let view = LIT.create_view(device, 8, 8, 1).expect("a view");
     let record = |input: &BouncedInput<'_>| {

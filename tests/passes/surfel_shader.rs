@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use support::testing::pipelines;
 
 use deep_screen_space::{
-    BouncedDescriptor, Camera, CloudCapacity, Error, Geometry, Light, Material, Piece, Placement,
+    Camera, CloudCapacity, Error, Geometry, Light, Material, Piece, Placement, Primitives,
     ShadedLight, Shadow, ShadowMap, Surfel, SurfelCloud, SurfelCounts, SurfelRadiance,
     SurfelShader, SurfelShaderInput, SurfelShaderSettings, SurfelSource, Surfelizer,
     SurfelizerInput, SurfelizerSettings, Timestamps, Viewport,
@@ -856,7 +856,6 @@ fn maps_come_near_traced_shadows() {
 fn traced_shadows_are_the_tracers() {
     let lab = Lab::new();
     let device = &lab.gpu.device;
-    let tracing = pipelines::bounced(&BouncedDescriptor::default());
     for (scene, light) in [
         (
             scenes::cornell(),
@@ -880,10 +879,12 @@ fn traced_shadows_are_the_tracers() {
             ..SurfelizerSettings::default()
         };
         let lit = lab.cloud(&scene, &camera_of(&scene, 0, [64, 64]), &settings);
-        let bounds = tracing.create_bounds(device, &lit.cloud).expect("bounds");
+        let bounds = pipelines::bvh_builder(Primitives::Triangles)
+            .create(device, &lit.cloud)
+            .expect("bounds");
         let mut encoder = lab.gpu.encoder();
-        tracing
-            .record_bounds(device, &mut encoder, &lit.cloud, &bounds, None)
+        pipelines::bvh_builder(Primitives::Triangles)
+            .record(device, &mut encoder, &lit.cloud, &bounds, None)
             .expect("bounds");
         lab.gpu.finish(encoder);
         let materials = scene.material_table();
@@ -942,7 +943,9 @@ fn traced_shadows_are_the_tracers() {
                 },
             )
             .expect("a cloud");
-        let others = tracing.create_bounds(device, &small).expect("bounds");
+        let others = pipelines::bvh_builder(Primitives::Triangles)
+            .create(device, &small)
+            .expect("bounds");
         let table = lab.gpu.buffer(&materials, wgpu::BufferUsages::STORAGE);
         let radiance = lab
             .shader
@@ -963,13 +966,7 @@ fn traced_shadows_are_the_tracers() {
             },
             &SurfelShaderSettings { samples: 1 },
         );
-        assert!(matches!(
-            refused,
-            Err(Error::Mismatch {
-                name: "SenderBounds",
-                ..
-            })
-        ));
+        assert!(matches!(refused, Err(Error::Mismatch { name: "Bvh", .. })));
     }
 }
 
@@ -979,7 +976,6 @@ fn traced_shadows_are_the_tracers() {
 fn traced_shadows_of_lamps_on_surfaces_take_nothing() {
     let lab = Lab::new();
     let device = &lab.gpu.device;
-    let tracing = pipelines::bounced(&BouncedDescriptor::default());
     let scene = rays::hall(&scenes::cornell());
     let materials = scene.material_table();
     for (distance, vfov) in [(-2.0, 60.0), (1e3, 0.5), (1e4, 0.05)] {
@@ -992,10 +988,12 @@ fn traced_shadows_of_lamps_on_surfaces_take_nothing() {
         )
         .expect("a camera");
         let lit = lab.cloud(&scene, &camera, &SurfelizerSettings::default());
-        let bounds = tracing.create_bounds(device, &lit.cloud).expect("bounds");
+        let bounds = pipelines::bvh_builder(Primitives::Triangles)
+            .create(device, &lit.cloud)
+            .expect("bounds");
         let mut encoder = lab.gpu.encoder();
-        tracing
-            .record_bounds(device, &mut encoder, &lit.cloud, &bounds, None)
+        pipelines::bvh_builder(Primitives::Triangles)
+            .record(device, &mut encoder, &lit.cloud, &bounds, None)
             .expect("bounds");
         lab.gpu.finish(encoder);
         for light in rays::lamps() {

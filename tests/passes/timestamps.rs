@@ -6,12 +6,12 @@ use deep_screen_space::{
     HitReconstructorInput, HitReconstructorSettings, Light, MultiResMaskInput,
     MultiResMaskSettings, MultiResReconstructor, MultiResReconstructorInput,
     MultiResReconstructorSettings, ObscuranceInput, ObscuranceSampling, ObscuranceSettings,
-    ObscuranceVolume, Payload, ReconstructorInput, ReconstructorSettings, ReflectiveShadowMap,
-    ReflectiveShadowMapInput, Sampling, ScreenSpaceGiInput, ScreenSpaceGiSettings, SgHull,
-    SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize, ShadowMap, SoftShadowsInput,
-    SoftShadowsSettings, SplatInput, SplatSettings, SurfelShaderInput, SurfelShaderSettings,
-    SurfelizerInput, SurfelizerSettings, TemporalAccumulator, TemporalInput, TemporalSettings,
-    Timestamps, Viewport, VolumetricObscurance, VolumetricObscuranceDescriptor,
+    ObscuranceVolume, Payload, Primitives, ReconstructorInput, ReconstructorSettings,
+    ReflectiveShadowMap, ReflectiveShadowMapInput, Sampling, ScreenSpaceGiInput,
+    ScreenSpaceGiSettings, SgHull, SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize,
+    ShadowMap, SoftShadowsInput, SoftShadowsSettings, SplatInput, SplatSettings, SurfelShaderInput,
+    SurfelShaderSettings, SurfelizerInput, SurfelizerSettings, TemporalAccumulator, TemporalInput,
+    TemporalSettings, Timestamps, Viewport, VolumetricObscurance, VolumetricObscuranceDescriptor,
     glam::{DVec3, dcamera::rh::proj::directx},
     scenes, wgpu,
 };
@@ -207,17 +207,19 @@ fn recordings_from_surfels_write_their_times() {
         .record(device, &mut encoder, &input, &settings, &mut history)
         .expect("a mean");
     let tracer = pipelines::bounced(&BouncedDescriptor::default());
-    let bounds = tracer.create_bounds(device, &cloud).expect("bounds");
+    let bounds = pipelines::bvh_builder(Primitives::Triangles)
+        .create(device, &cloud)
+        .expect("bounds");
     let hits = tracer.create_view(device, 16, 16, 16).expect("a view");
-    tracer
-        .record_bounds(device, &mut encoder, &cloud, &bounds, Some(times.stamps(6)))
+    pipelines::bvh_builder(Primitives::Triangles)
+        .record(device, &mut encoder, &cloud, &bounds, Some(times.stamps(6)))
         .expect("bounds");
     let input = BouncedInput {
         lighting: None,
         gbuffer: shot.gbuffer(),
         camera: &shot.camera,
         cloud: &cloud,
-        bounds: &bounds,
+        bvh: &bounds,
         radiance: None,
         timestamps: Some(times.stamps(7)),
         roughness: None,

@@ -10,7 +10,7 @@ use deep_screen_space::{
 use support::testing::pipelines;
 use support::testing::shot::Shot;
 use support::{
-    bounced::{Gatherer, Senders},
+    bounced::{Gatherer, TracedScene},
     errors::rmse,
     gpu::Gpu,
     raster::{Raster, perspective},
@@ -54,7 +54,7 @@ fn gbuffer(gpu: &Gpu, camera: &Camera) -> Raster {
 struct Stage {
     gpu: &'static Gpu,
     buffers: SceneBuffers,
-    senders: Senders,
+    senders: TracedScene,
     /// Matt and glossy.
     gatherers: [Gatherer; 2],
     roughness: TextureView,
@@ -79,7 +79,7 @@ impl Stage {
             pieces: triangles + (1 << 14),
             triangles,
         };
-        let senders = Senders::new(gpu, &gatherers[0], capacity).expect("room");
+        let senders = TracedScene::new(gpu, &gatherers[0], capacity).expect("room");
         let texels = vec![0.3_f32; (SIDE * SIDE) as usize];
         let roughness = gpu.texture(TextureFormat::R32Float, SIDE, SIDE, &texels);
         let mut stage = Self {
@@ -102,7 +102,6 @@ impl Stage {
         self.senders
             .update(
                 self.gpu,
-                &self.gatherers[0],
                 &self.buffers,
                 &camera(0.0),
                 &[LIGHT],

@@ -10,9 +10,10 @@ use std::{
 };
 
 use deep_screen_space::{
-    BouncedDescriptor, BouncedZBuffer, Effect, HitReconstructor, HitReconstructorDescriptor,
-    MultiResMask, Reconstructor, ScreenSpaceGi, ShellSplatter, ShellSplatterDescriptor,
-    SoftShadows, SurfelShader, Surfelizer, wgpu::TextureFormat,
+    BouncedDescriptor, BouncedZBuffer, BvhBuilder, Effect, HitReconstructor,
+    HitReconstructorDescriptor, MultiResMask, Primitives, Reconstructor, ScreenSpaceGi,
+    ShellSplatter, ShellSplatterDescriptor, SoftShadows, SurfelShader, Surfelizer,
+    wgpu::TextureFormat,
 };
 
 use crate::gpu::{Ask, Gpu};
@@ -97,5 +98,11 @@ pub fn screen_space_gi() -> &'static ScreenSpaceGi {
 pub fn multi_res_mask() -> &'static MultiResMask {
     once(&(), |gpu| {
         MultiResMask::new(&gpu.device, None).expect("pipelines")
+    })
+}
+
+pub fn bvh_builder(primitives: Primitives) -> &'static BvhBuilder {
+    once(&primitives, |gpu| {
+        BvhBuilder::new(&gpu.device, primitives, None).expect("pipelines")
     })
 }

@@ -4,9 +4,9 @@ use crate::testing::pipelines;
 use std::sync::LazyLock;
 
 use deep_screen_space::{
-    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Camera,
+    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Bvh, Camera,
     CloudCapacity, Geometry, HitReconstructor, HitReconstructorDescriptor, HitReconstructorInput,
-    HitReconstructorSettings, Light, Mesh, Payload, Piece, Sampling, SenderBounds, SurfelCloud,
+    HitReconstructorSettings, Light, Mesh, Payload, Piece, Primitives, Sampling, SurfelCloud,
     SurfelCounts, SurfelRadiance, Surfelizer, SurfelizerInput, SurfelizerSettings, Viewport,
     glam::DVec3,
     reference::{
@@ -52,7 +52,7 @@ pub const AMPLE: CloudCapacity = CloudCapacity {
 /// A cloud with its bounds, and what it holds.
 pub struct Senders {
     pub cloud: SurfelCloud,
-    pub bounds: SenderBounds,
+    pub bounds: Bvh,
     pub counts: SurfelCounts,
     pub pieces: Vec<mirror::Piece>,
 }
@@ -64,10 +64,6 @@ impl Lab {
             sampling,
             ..BouncedDescriptor::default()
         })
-    }
-
-    fn any() -> &'static BouncedZBuffer {
-        pipelines::bounced(&BouncedDescriptor::default())
     }
 
     pub fn senders(
@@ -83,7 +79,9 @@ impl Lab {
             .create_cloud(device, capacity)
             .expect("a cloud");
         let mut senders = Senders {
-            bounds: Self::any().create_bounds(device, &cloud).expect("bounds"),
+            bounds: pipelines::bvh_builder(Primitives::Triangles)
+                .create(device, &cloud)
+                .expect("bounds"),
             cloud,
             counts: SurfelCounts::default(),
             pieces: Vec::new(),
@@ -111,8 +109,8 @@ impl Lab {
         self.surfelizer
             .record(device, &mut encoder, &input, settings, &mut senders.cloud)
             .expect("surfels");
-        Self::any()
-            .record_bounds(device, &mut encoder, &senders.cloud, &senders.bounds, None)
+        pipelines::bvh_builder(Primitives::Triangles)
+            .record(device, &mut encoder, &senders.cloud, &senders.bounds, None)
             .expect("bounds");
         self.gpu.finish(encoder);
         senders.counts = self.gpu.read_buffer(senders.cloud.counters())[0];
@@ -168,7 +166,7 @@ impl Lab {
             gbuffer: shot.gbuffer(),
             camera: &shot.camera,
             cloud: &senders.cloud,
-            bounds: &senders.bounds,
+            bvh: &senders.bounds,
             radiance,
             timestamps: None,
             roughness: None,

@@ -3,7 +3,7 @@
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, DiskSettings, HitLighting,
     HitReconstructor, HitReconstructorDescriptor, HitReconstructorInput, HitReconstructorSettings,
-    Lighting, Merge, Payload, Placement, Sampling, Senders,
+    Lighting, Merge, Payload, Placement, Primitives, Sampling,
     wgpu::{TextureFormat, TextureUsages},
 };
 
@@ -17,13 +17,13 @@ use super::{
 fn descriptor(case: &mut Case<'_>) -> BouncedDescriptor {
     let pieces = |payload, sampling, lighting| BouncedDescriptor {
         payload,
-        senders: Senders::Pieces,
+        primitives: Primitives::Triangles,
         sampling,
         lighting,
         statistics: false,
     };
     let disks = |payload, levels| BouncedDescriptor {
-        senders: Senders::Disks { levels },
+        primitives: Primitives::Disks { levels },
         ..pieces(payload, Sampling::Cosine, Lighting::Surfels)
     };
     let kinds = [
@@ -38,11 +38,11 @@ fn descriptor(case: &mut Case<'_>) -> BouncedDescriptor {
     ];
     let mut descriptor = case.usual("tracer", &kinds);
     if case.random.breaks() {
-        descriptor.senders = Senders::Disks {
+        descriptor.primitives = Primitives::Disks {
             levels: case.random.one_of(&[0, 9, u32::MAX]),
         };
     }
-    descriptor.statistics = descriptor.senders != Senders::Pieces;
+    descriptor.statistics = descriptor.primitives != Primitives::Triangles;
     case.note("traced for", descriptor);
     descriptor
 }
@@ -90,7 +90,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let placements = [Placement::Centroid, Placement::Random, Placement::Grid];
     let from_leaves = descriptor.payload == Payload::Radiance
         && descriptor.lighting == Lighting::Surfels
-        && descriptor.senders == Senders::Pieces;
+        && descriptor.primitives == Primitives::Triangles;
     let accepted = if from_leaves && !case.random.breaks() {
         1
     } else {
@@ -98,10 +98,10 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     };
     let surfels = surfels::record(case, &camera, &placements[..accepted])?;
     let cloud = &surfels.cloud;
-    let bounds = surfels::bounds(case, &tracer, cloud)?;
+    let bounds = surfels::bvh(case, descriptor.primitives, cloud)?;
     let is_lit =
         descriptor.payload == Payload::Radiance && descriptor.lighting == Lighting::Surfels;
-    let traced = (descriptor.senders == Senders::Pieces).then_some(&bounds);
+    let traced = (descriptor.primitives == Primitives::Triangles).then_some(&bounds);
     let radiance = if is_lit {
         Some(surfels::radiance(case, cloud, &camera, traced)?)
     } else {
@@ -131,7 +131,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         gbuffer: gbuffer.gbuffer(),
         camera: &camera,
         cloud,
-        bounds: &bounds,
+        bvh: &bounds,
         radiance: radiance.as_ref(),
         lighting: Some(HitLighting {
             materials: &materials,

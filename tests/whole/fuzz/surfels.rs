@@ -3,8 +3,8 @@
 use std::rc::Rc;
 
 use deep_screen_space::{
-    BouncedZBuffer, Camera, CloudCapacity, Geometry, IndexFormat, Indices, Instances, Mesh,
-    Placement, PositionFormat, Reach, SenderBounds, ShadedLight, Shadow, ShadowMap, SurfelCloud,
+    Bvh, BvhBuilder, Camera, CloudCapacity, Geometry, IndexFormat, Indices, Instances, Mesh,
+    Placement, PositionFormat, Primitives, Reach, ShadedLight, Shadow, ShadowMap, SurfelCloud,
     SurfelShader, SurfelShaderInput, SurfelShaderSettings, Surfelizer, SurfelizerInput,
     SurfelizerSettings, TransformFormat, Vertices,
     wgpu::{Buffer, BufferUsages},
@@ -188,7 +188,7 @@ pub fn radiance(
     case: &mut Case<'_>,
     cloud: &SurfelCloud,
     camera: &Camera,
-    bounds: Option<&SenderBounds>,
+    bounds: Option<&Bvh>,
 ) -> Option<Buffer> {
     if case.random.chance(0.2) {
         let numbers = 8 * cloud.capacity().surfels.max(1) as usize;
@@ -281,16 +281,14 @@ impl Map {
     }
 }
 
-/// Bounds of a cloud.
-pub fn bounds(
-    case: &mut Case<'_>,
-    tracer: &BouncedZBuffer,
-    cloud: &SurfelCloud,
-) -> Option<SenderBounds> {
-    let bounds = tracer.create_bounds(case.device(), cloud);
-    let bounds = case.accept(bounds)?;
+/// The hierarchy over a cloud.
+pub fn bvh(case: &mut Case<'_>, primitives: Primitives, cloud: &SurfelCloud) -> Option<Bvh> {
+    let key = format!("{primitives:?}");
+    let builder = case.once(key, |device| BvhBuilder::new(device, primitives, None))?;
+    let bvh = builder.create(case.device(), cloud);
+    let bvh = case.accept(bvh)?;
     let timestamps = case.timestamps();
-    let done = tracer.record_bounds(case.device(), &mut case.encoder, cloud, &bounds, timestamps);
+    let done = builder.record(case.device(), &mut case.encoder, cloud, &bvh, timestamps);
     case.accept(done)?;
-    Some(bounds)
+    Some(bvh)
 }

@@ -28,8 +28,8 @@ fn buffers_of_any_size_are_bound() {
     let mut encoder = lab.gpu.encoder();
     let e = &mut encoder;
     let cloud = lab.recorded(e, ROOM);
-    let bounds = lab.bounds(&cloud);
-    lab.record_bounds(e, &cloud, &bounds).expect("bounds");
+    let bounds = lab.bvh(&cloud);
+    lab.record_bvh(e, &cloud, &bounds).expect("a hierarchy");
     let hits = lab.hits(&lab.lit);
     let shader = SurfelShader::new(device, None).expect("pipelines");
     let room = 32 * u64::from(ROOM.surfels);
@@ -108,7 +108,7 @@ fn timestamps_lie_in_their_set() {
     let device = &lab.gpu.device;
     let mut encoder = lab.gpu.encoder();
     let cloud = lab.recorded(&mut encoder, ROOM);
-    let bounds = lab.bounds(&cloud);
+    let bounds = lab.bvh(&cloud);
     let mut record = |ty, begin, end| {
         let set = device.create_query_set(&wgpu::QuerySetDescriptor {
             label: None,
@@ -120,8 +120,8 @@ fn timestamps_lie_in_their_set() {
             begin,
             end,
         });
-        lab.bounced
-            .record_bounds(device, &mut encoder, &cloud, &bounds, timestamps)
+        lab.builder
+            .record(device, &mut encoder, &cloud, &bounds, timestamps)
     };
     let occlusion = wgpu::QueryType::Occlusion;
     refused(

@@ -29,8 +29,8 @@ fn clouds_without_room_work_in_every_pass() {
             .expect("clusters");
         lab.splat(e, (&cloud, &clusters), &lab.splat_view())
             .expect("sums");
-        let bounds = lab.bounds(&cloud);
-        lab.record_bounds(e, &cloud, &bounds).expect("bounds");
+        let bounds = lab.bvh(&cloud);
+        lab.record_bvh(e, &cloud, &bounds).expect("a hierarchy");
         for pass in [&lab.bounced, &lab.lit] {
             let hits = lab.hits(pass);
             lab.trace(e, pass, (&cloud, &bounds), &lab.materials, &hits)

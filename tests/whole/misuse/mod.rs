@@ -10,10 +10,11 @@ use std::sync::LazyLock;
 
 use deep_screen_space::{
     AmbientOcclusion, BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView,
-    BouncedZBuffer, Camera, CloudCapacity, ClusterInput, Error, GBuffer, Geometry, HitLighting,
-    Lighting, Material, Mesh, NormalEncoding, NormalSpace, Payload, PositionFormat, SenderBounds,
-    ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatSettings, SplatView, SurfelCloud,
-    SurfelClusters, Surfelizer, SurfelizerInput, SurfelizerSettings, Vertices, Viewport,
+    BouncedZBuffer, Bvh, BvhBuilder, Camera, CloudCapacity, ClusterInput, Error, GBuffer, Geometry,
+    HitLighting, Lighting, Material, Mesh, NormalEncoding, NormalSpace, Payload, PositionFormat,
+    Primitives, ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatSettings, SplatView,
+    SurfelCloud, SurfelClusters, Surfelizer, SurfelizerInput, SurfelizerSettings, Vertices,
+    Viewport,
     glam::DVec3,
     wgpu::{self, BufferUsages, TextureFormat as Format},
 };
@@ -38,6 +39,7 @@ struct Lab {
     materials: wgpu::Buffer,
     surfelizer: Surfelizer,
     splatter: ShellSplatter,
+    builder: BvhBuilder,
     bounced: BouncedZBuffer,
     lit: BouncedZBuffer,
 }
@@ -95,6 +97,7 @@ impl Lab {
             materials: gpu.buffer(&[Material::default()], BufferUsages::STORAGE),
             surfelizer: Surfelizer::new(device, None).expect("pipelines"),
             splatter: ShellSplatter::new(device, &splatter).expect("pipelines"),
+            builder: BvhBuilder::new(&gpu.device, Primitives::Triangles, None).expect("pipelines"),
             bounced: bounced(BouncedDescriptor::default()),
             lit: bounced(lit),
             camera,
@@ -196,19 +199,19 @@ impl Lab {
             .record(&self.gpu.device, encoder, &input, &splat(), view)
     }
 
-    fn bounds(&self, cloud: &SurfelCloud) -> SenderBounds {
-        let bounds = self.bounced.create_bounds(&self.gpu.device, cloud);
-        bounds.expect("bounds")
+    fn bvh(&self, cloud: &SurfelCloud) -> Bvh {
+        let bvh = self.builder.create(&self.gpu.device, cloud);
+        bvh.expect("room")
     }
 
-    fn record_bounds(
+    fn record_bvh(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         cloud: &SurfelCloud,
-        bounds: &SenderBounds,
+        bvh: &Bvh,
     ) -> Result<(), Error> {
-        self.bounced
-            .record_bounds(&self.gpu.device, encoder, cloud, bounds, None)
+        self.builder
+            .record(&self.gpu.device, encoder, cloud, bvh, None)
     }
 
     fn hits(&self, pass: &BouncedZBuffer) -> BouncedView {
@@ -221,7 +224,7 @@ impl Lab {
         &self,
         encoder: &mut wgpu::CommandEncoder,
         pass: &BouncedZBuffer,
-        (cloud, bounds): (&SurfelCloud, &SenderBounds),
+        (cloud, bounds): (&SurfelCloud, &Bvh),
         materials: &wgpu::Buffer,
         view: &BouncedView,
     ) -> Result<(), Error> {
@@ -229,7 +232,7 @@ impl Lab {
             gbuffer: self.gbuffer(),
             camera: &self.camera,
             cloud,
-            bounds,
+            bvh: bounds,
             radiance: None,
             lighting: Some(HitLighting {
                 materials,

@@ -108,28 +108,23 @@ fn bounds_and_hits_are_those_of_the_cloud() {
     let mut encoder = lab.gpu.encoder();
     let e = &mut encoder;
     let mut cloud = lab.cloud(ROOM);
-    let bounds = lab.bounds(&cloud);
+    let bounds = lab.bvh(&cloud);
     let hits = lab.hits(&lab.bounced);
     let (kind, never, before) = ("Recording", "not recorded", "before the last recording");
     let trace = |e: &mut wgpu::CommandEncoder, cloud: &SurfelCloud| {
         lab.trace(e, &lab.bounced, (cloud, &bounds), &lab.materials, &hits)
     };
     refused(
-        lab.record_bounds(e, &cloud, &bounds),
+        lab.record_bvh(e, &cloud, &bounds),
         kind,
         "SurfelCloud",
         never,
     );
     lab.record_cloud(e, &mut cloud);
-    refused(trace(e, &cloud), kind, "SenderBounds", never);
-    lab.record_bounds(e, &cloud, &bounds).expect("bounds");
+    refused(trace(e, &cloud), kind, "Bvh", never);
+    lab.record_bvh(e, &cloud, &bounds).expect("a hierarchy");
     let other = lab.recorded(e, ROOM);
-    refused(
-        trace(e, &other),
-        kind,
-        "SenderBounds",
-        "another SurfelCloud",
-    );
+    refused(trace(e, &other), kind, "Bvh", "another SurfelCloud");
 
     let shader = SurfelShader::new(device, None).expect("pipelines");
     let radiance = shader.create_radiance(device, &other).expect("room");
@@ -149,7 +144,7 @@ fn bounds_and_hits_are_those_of_the_cloud() {
     };
     let settings = SurfelShaderSettings::default();
     let shaded = shader.record(device, e, &input, &settings);
-    refused(shaded, kind, "SenderBounds", "another SurfelCloud");
+    refused(shaded, kind, "Bvh", "another SurfelCloud");
 
     let descriptor = HitReconstructorDescriptor {
         payload: Payload::Occlusion,
@@ -196,7 +191,7 @@ fn bounds_and_hits_are_those_of_the_cloud() {
     );
 
     lab.record_cloud(e, &mut cloud);
-    refused(trace(e, &cloud), kind, "SenderBounds", before);
+    refused(trace(e, &cloud), kind, "Bvh", before);
     refused(resolve(e, &cloud, 4, 0), kind, "BouncedView", before);
     submit(lab, encoder);
 }

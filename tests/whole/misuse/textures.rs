@@ -465,9 +465,9 @@ fn hits_picture(lab: &Lab, gbuffer: GBuffer<'_>) -> Vec<[f32; 4]> {
     let device = &lab.gpu.device;
     let mut encoder = lab.gpu.encoder();
     let cloud = lab.recorded(&mut encoder, ROOM);
-    let bounds = lab.bounds(&cloud);
-    lab.record_bounds(&mut encoder, &cloud, &bounds)
-        .expect("bounds");
+    let bounds = lab.bvh(&cloud);
+    lab.record_bvh(&mut encoder, &cloud, &bounds)
+        .expect("a hierarchy");
     let hits = lab.hits(&lab.lit);
     let traced = BouncedSettings {
         directions: 4,
@@ -478,7 +478,7 @@ fn hits_picture(lab: &Lab, gbuffer: GBuffer<'_>) -> Vec<[f32; 4]> {
         gbuffer,
         camera: &lab.camera,
         cloud: &cloud,
-        bounds: &bounds,
+        bvh: &bounds,
         radiance: None,
         lighting: Some(HitLighting {
             materials: &lab.materials,
