@@ -40,7 +40,7 @@ fn light_of(pixel: vec2u, texel: vec4u) -> vec3f {
   let sum = gather(receiver_position(texel), unpack_normal(texel.w), 0u, 1u);
   let roughness = textureLoad(roughness_texture, params.camera.viewport.xy + pixel, 0).x;
   let lobe = lobe_seen(params.camera, texel, roughness);
-  return reflected(pixel, sum.irradiance).xyz
+  return reflected(pixel, usable_irradiance(sum.irradiance)).xyz
     + glossy_radiance(lobe, params.f0, usable(sum.red), usable(sum.green), usable(sum.blue));
 }
 
@@ -49,7 +49,7 @@ fn shown(pixel: vec2u, light: vec3f) -> vec4f {
 }
 #else
 fn light_of(pixel: vec2u, texel: vec4u) -> vec3f {
-  return gather(receiver_position(texel), unpack_normal(texel.w), 0u, 1u).irradiance;
+  return usable_irradiance(gather(receiver_position(texel), unpack_normal(texel.w), 0u, 1u).irradiance);
 }
 
 fn shown(pixel: vec2u, light: vec3f) -> vec4f {
@@ -79,9 +79,7 @@ fn gather_pixels(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocat
   }
   let number = pixels[k].w;
   let pixel = pixel_at(number);
-  let found = light_of(pixel, textureLoad(receivers, pixel, 0));
-  // Light that is not finite is none.
-  pixels[k] = vec4u(bitcast<vec3u>(select(vec3f(0.0), found, is_finite3(found))), number);
+  pixels[k] = vec4u(bitcast<vec3u>(light_of(pixel, textureLoad(receivers, pixel, 0))), number);
 }
 
 struct Point {

@@ -21,7 +21,7 @@
 fn excess(moments: LightMoments, normal: vec3f, irradiance: f32) -> f32 {
   let scaled = sg_lobe(moments);
   let found = scaled.amplitude * sg_cosine_integral(dot(normal, scaled.lobe.axis), scaled.lobe.sharpness);
-  return select(0.0, found - irradiance, is_finite(irradiance));
+  return found - irradiance;
 }
 
 @compute @workgroup_size(64)
@@ -39,9 +39,10 @@ fn gather_vertices(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invoc
   vertices[index].red = red;
   vertices[index].green = green;
   vertices[index].blue = blue;
-  vertices[index].excess = vec3f(excess(red, n, sum.irradiance.x), excess(green, n, sum.irradiance.y),
-    excess(blue, n, sum.irradiance.z));
-  vertices[index].irradiance = select(vec3f(0.0), sum.irradiance, is_finite3(sum.irradiance));
+  let irradiance = usable_irradiance(sum.irradiance);
+  vertices[index].excess = vec3f(excess(red, n, irradiance.x), excess(green, n, irradiance.y),
+    excess(blue, n, irradiance.z));
+  vertices[index].irradiance = irradiance;
 }
 
 @compute @workgroup_size(64)
@@ -53,5 +54,5 @@ fn gather_points(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocat
   }
   let here = splits[i].points[k % SPLIT_POINTS];
   let irradiance = gather(here.position, unpack_normal(here.normal), 0u, 1u).irradiance;
-  splits[i].points[k % SPLIT_POINTS].irradiance = select(vec3f(0.0), irradiance, is_finite3(irradiance));
+  splits[i].points[k % SPLIT_POINTS].irradiance = usable_irradiance(irradiance);
 }

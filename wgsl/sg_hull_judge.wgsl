@@ -38,26 +38,35 @@ struct JudgeCounters {
   splits: atomic<u32>,
 }
 
-var<workgroup> sums: array<f32, 256>;
+// The bits of the brightest, and of shares of it the sums of their three bytes: vertices are listed in any order, and a sum
+// of floats would depend on it. Three sums and no array: lavapipe (Mesa 22.3) adds to the wrong element.
+var<workgroup> brightest: atomic<u32>;
+var<workgroup> low: atomic<u32>;
+var<workgroup> middle: atomic<u32>;
+var<workgroup> high: atomic<u32>;
 
 @compute @workgroup_size(256)
 fn mean(@builtin(local_invocation_index) thread: u32) {
-  var sum = 0.0;
   let count = counters.gathered;
+  var most = 0.0;
   for (var k = thread; k < count; k += 256u) {
-    // Divided first: the sum of what is bright leaves the range.
-    sum += average(vertices[list[k].vertex].irradiance) / f32(count);
+    most = max(most, average(vertices[list[k].vertex].irradiance));
   }
-  sums[thread] = sum;
+  atomicMax(&brightest, bitcast<u32>(most));
   workgroupBarrier();
-  for (var stride = 128u; stride > 0u; stride /= 2u) {
-    if thread < stride {
-      sums[thread] += sums[thread + stride];
-    }
-    workgroupBarrier();
+  let unit = bitcast<f32>(atomicLoad(&brightest)) / 16777215.0;
+  var bytes = vec3u(0u);
+  for (var k = thread; k < count; k += 256u) {
+    let share = u32(min(round(average(vertices[list[k].vertex].irradiance) / max(unit, 1e-37)), 16777215.0));
+    bytes += vec3u(share, share >> 8u, share >> 16u) & vec3u(255u);
   }
+  atomicAdd(&low, bytes.x);
+  atomicAdd(&middle, bytes.y);
+  atomicAdd(&high, bytes.z);
+  workgroupBarrier();
   if thread == 0u {
-    counters.mean_irradiance = sums[0];
+    let shares = vec3f(f32(atomicLoad(&low)), f32(atomicLoad(&middle)), f32(atomicLoad(&high)));
+    counters.mean_irradiance = dot(shares / f32(max(count, 1u)), vec3f(1.0, 256.0, 65536.0)) * unit;
   }
 }
 

@@ -30,10 +30,18 @@ fn add_moments(lobes: Lobes, normal: vec3f, moments: vec4f, radiance: vec3f) -> 
     lobes.irradiance + radiance * max(height, 0.0));
 }
 
+// The most light that counts: what a lobe, a quad and a glossy surface make of it stays within f32.
+const MOST_LIGHT: f32 = 1e18;
+
 // Light that is not finite is none.
 fn usable(moments: LightMoments) -> LightMoments {
   let good = is_finite3(moments.xyz) && is_finite(moments.w) && moments.w > 0.0;
-  return select(vec4f(0.0), moments, good);
+  return select(vec4f(0.0), moments * min(1.0, MOST_LIGHT / max(moments.w, 1e-30)), good);
+}
+
+// The same of the light that a surface receives.
+fn usable_irradiance(irradiance: vec3f) -> vec3f {
+  return select(vec3f(0.0), clamp(irradiance, vec3f(0.0), vec3f(MOST_LIGHT)), is_finite3(irradiance));
 }
 
 fn add_lobes(a: Lobes, b: Lobes) -> Lobes {

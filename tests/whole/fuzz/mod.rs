@@ -120,13 +120,16 @@ fn try_case(
             first.refused
         ));
     }
-    if let Some((name, _)) = first
-        .results
-        .iter()
-        .zip(&second.results)
-        .find_map(|(a, b)| (a != b).then_some(a))
-    {
-        return Err(format!("{name} differs from run to run"));
+    for ((name, a), (_, b)) in first.results.iter().zip(&second.results) {
+        if let Some(i) = (0..a.len().max(b.len())).find(|&i| a.get(i) != b.get(i)) {
+            let word = |bytes: &[u8]| bytes.chunks(4).nth(i / 4).map(<[u8]>::to_vec);
+            return Err(format!(
+                "{name} differs from run to run, in word {}: {:02x?}, {:02x?}",
+                i / 4,
+                word(a),
+                word(b)
+            ));
+        }
     }
     if first != second {
         return Err(format!(
