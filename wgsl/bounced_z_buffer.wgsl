@@ -109,7 +109,7 @@ override SAMPLING: u32 = 0u;
 // triangle that rays meet by up to half of that.
 const GRID: f32 = 1.0 / 32.0;
 // Of the distance from the eye; but not more than this, however large pixels are.
-const MOST_OFFSET: f32 = 2e-4;
+const MOST_OFFSET: f32 = 1e-3;
 
 // Where a pixel's rays start. `side` is its unit normal, `seen_from` the unit vector to where it is seen from, which leads
 // off any other surface that meets its own there: a point of an inner edge may have been rounded to beyond the other one.

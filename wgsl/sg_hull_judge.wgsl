@@ -39,14 +39,18 @@ struct JudgeCounters {
 }
 
 // The bits of the brightest, and of shares of it the sums of their three bytes: vertices are listed in any order, and a sum
-// of floats would depend on it. Three sums and no array: lavapipe (Mesa 22.3) adds to the wrong element.
+// of floats would depend on it.
 var<workgroup> brightest: atomic<u32>;
-var<workgroup> low: atomic<u32>;
-var<workgroup> middle: atomic<u32>;
-var<workgroup> high: atomic<u32>;
+var<workgroup> sums: array<atomic<u32>, 3>;
 
 @compute @workgroup_size(256)
 fn mean(@builtin(local_invocation_index) thread: u32) {
+  // Lavapipe (Mesa 22.3) does not always begin with zeros.
+  if thread < 3u {
+    atomicStore(&sums[thread], 0u);
+    atomicStore(&brightest, 0u);
+  }
+  workgroupBarrier();
   let count = counters.gathered;
   var most = 0.0;
   for (var k = thread; k < count; k += 256u) {
@@ -60,12 +64,12 @@ fn mean(@builtin(local_invocation_index) thread: u32) {
     let share = u32(min(round(average(vertices[list[k].vertex].irradiance) / max(unit, 1e-37)), 16777215.0));
     bytes += vec3u(share, share >> 8u, share >> 16u) & vec3u(255u);
   }
-  atomicAdd(&low, bytes.x);
-  atomicAdd(&middle, bytes.y);
-  atomicAdd(&high, bytes.z);
+  atomicAdd(&sums[0], bytes.x);
+  atomicAdd(&sums[1], bytes.y);
+  atomicAdd(&sums[2], bytes.z);
   workgroupBarrier();
   if thread == 0u {
-    let shares = vec3f(f32(atomicLoad(&low)), f32(atomicLoad(&middle)), f32(atomicLoad(&high)));
+    let shares = vec3f(f32(atomicLoad(&sums[0])), f32(atomicLoad(&sums[1])), f32(atomicLoad(&sums[2])));
     counters.mean_irradiance = dot(shares / f32(max(count, 1u)), vec3f(1.0, 256.0, 65536.0)) * unit;
   }
 }

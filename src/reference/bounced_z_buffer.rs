@@ -25,7 +25,7 @@ use crate::{
 const FAR: f64 = 1e18;
 const POSITION_TOLERANCE: f64 = 1e-6;
 const GRID: f64 = 1.0 / 32.0;
-const MOST_OFFSET: f64 = 2e-4;
+const MOST_OFFSET: f64 = 1e-3;
 const SHAPE_ORDER: u32 = 0xfff;
 
 /// A ray in the cloud's space.
