@@ -1,13 +1,13 @@
-//! The shortest whole wiring of the crate into a frame: `cargo run --release --example minimal -- OUT.png`.
+//! The shortest whole wiring of ambient occlusion by rays into a frame: `cargo run --release --example minimal -- OUT.png`.
 //!
 //! Pipelines once, room for a scene and a view once; then a frame is four recordings into the caller's encoder, and one
 //! submission. What an engine has anyway (a device, meshes in buffers, a G-buffer) comes from `examples/support`.
 
 use deep_screen_space::{
-    AmbientOcclusion, Camera, CloudCapacity, ClusterInput, Geometry, Reconstructor,
-    ReconstructorInput, ReconstructorSettings, ShellSplatter, ShellSplatterDescriptor, SplatInput,
-    SplatSettings, SurfelCounts, Surfelizer, SurfelizerInput, SurfelizerSettings, Viewport, scenes,
-    wgpu,
+    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, BvhBuilder, Camera,
+    CloudCapacity, Geometry, HitReconstructor, HitReconstructorDescriptor, HitReconstructorInput,
+    HitReconstructorSettings, Payload, Primitives, Reach, Sampling, SurfelCounts, Surfelizer,
+    SurfelizerInput, SurfelizerSettings, Viewport, scenes, wgpu,
 };
 use support::{
     gpu::{Ask, Gpu},
@@ -41,38 +41,44 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let format = wgpu::TextureFormat::R8Unorm;
     let target = gpu.target(format, WIDTH, HEIGHT);
 
-    // Once: pipelines, for an effect and a format.
-    let effect = AmbientOcclusion::default().effect();
+    // Once: pipelines.
     let surfelizer = Surfelizer::new(device, None)?;
-    let descriptor = ShellSplatterDescriptor {
-        effect: &effect,
-        subgroups: device.features().contains(wgpu::Features::SUBGROUP),
-        statistics: false,
-        cache: None,
+    let builder = BvhBuilder::new(device, Primitives::Triangles, None)?;
+    let tracer = BouncedZBuffer::new(device, &BouncedDescriptor::default(), None)?;
+    let descriptor = HitReconstructorDescriptor {
+        payload: Payload::Occlusion,
+        sampling: Sampling::Cosine,
+        deferred: false,
+        target: format,
     };
-    let splatter = ShellSplatter::new(device, &descriptor)?;
-    let reconstructor = Reconstructor::new(device, &effect, format, None)?;
+    let resolver = HitReconstructor::new(device, &descriptor, None)?;
 
-    // Once a scene: room for its surfels. Once a view: textures of its size.
-    let splat = SplatSettings {
+    // Once a scene: room for its triangles. Once a view: textures of its size.
+    let rays = BouncedSettings {
+        directions: 8,
         radius: scene.ao_radius,
-        ..SplatSettings::default()
+        ..BouncedSettings::default()
     };
     let settings = SurfelizerSettings {
-        reach: ShellSplatter::reach(&splat),
+        // Every triangle as it is, if a ray can reach it from what is seen.
+        density: f32::INFINITY,
+        reach: Reach {
+            radii: f32::INFINITY,
+            world: rays.radius,
+        },
         ..SurfelizerSettings::default()
     };
     let capacity = CloudCapacity {
-        surfels: 1 << 18,
+        surfels: 0,
         pieces: buffers.triangles() + 10_000,
         triangles: buffers.triangles(),
     };
     let mut cloud = surfelizer.create_cloud(device, capacity)?;
-    let mut clusters = splatter.create_clusters(device, &cloud, splat.levels)?;
-    let sums = splatter.create_view(device, WIDTH, HEIGHT, splat.levels)?;
-    let scratch = reconstructor.create_view(device, WIDTH, HEIGHT, splat.levels)?;
+    let bvh = builder.create(device, &cloud)?;
+    let hits = tracer.create_view(device, WIDTH, HEIGHT, rays.directions)?;
+    let scratch = resolver.create_view(device, WIDTH, HEIGHT)?;
 
-    // Every frame: surfels of the triangles …
+    // Every frame: the triangles, relative to a point near what is seen …
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let input = SurfelizerInput {
         geometry: Geometry { meshes: &meshes },
@@ -81,43 +87,34 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         timestamps: None,
     };
     surfelizer.record(device, &mut encoder, &input, &settings, &mut cloud)?;
-    // … bounds of runs of them …
-    splatter.record_clusters(
-        device,
-        &mut encoder,
-        &ClusterInput {
-            cloud: &cloud,
-            materials: None,
-            timestamps: None,
-        },
-        &splat,
-        &mut clusters,
-    )?;
-    // … their sums for every pixel …
-    let input = SplatInput {
+    // … a hierarchy over them …
+    builder.record(device, &mut encoder, &cloud, &bvh, None)?;
+    // … rays from every pixel …
+    let input = BouncedInput {
         gbuffer: drawn.gbuffer(),
         camera: &camera,
         cloud: &cloud,
-        clusters: &clusters,
-        materials: None,
-        work: None,
+        bvh: &bvh,
+        radiance: None,
+        lighting: None,
+        roughness: None,
         timestamps: None,
     };
-    splatter.record(device, &mut encoder, &input, &splat, &sums)?;
+    tracer.record(device, &mut encoder, &input, &rays, &hits)?;
     // … and the picture.
-    let input = ReconstructorInput {
+    let input = HitReconstructorInput {
         gbuffer: drawn.gbuffer(),
         camera: &camera,
         cloud: &cloud,
-        sums: &sums,
-        levels: splat.levels,
+        hits: &hits,
+        traced: &rays,
+        roughness: None,
         target: target.texture().into(),
-        sub_image: None,
         timestamps: None,
     };
-    let filter = ReconstructorSettings::default();
-    reconstructor.record(device, &mut encoder, &input, &filter, &scratch)?;
-    // The surfels' counts are copied too: whether they found room is known without waiting.
+    let filter = HitReconstructorSettings::default();
+    resolver.record(device, &mut encoder, &input, &filter, &scratch)?;
+    // The counts are copied too: whether the triangles found room is known without waiting.
     let counts = device.create_buffer(&wgpu::BufferDescriptor {
         label: None,
         size: cloud.counters().size(),
@@ -131,13 +128,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     counts.map_async(wgpu::MapMode::Read, .., |_| ());
     device.poll(wgpu::PollType::wait_indefinitely())?;
     let counts: SurfelCounts = bytemuck::pod_read_unaligned(&counts.get_mapped_range(..)?);
-    println!("{} surfels", counts.stored);
-    if counts.overflow() > 0 {
-        println!(
-            "{} more found no room: raise the capacity",
-            counts.overflow()
-        );
-    }
+    println!(
+        "{} triangles for rays; {:.2} % of the area found no room",
+        counts.pieces,
+        100.0 * counts.lost_area_share()
+    );
     let out = std::env::args().nth(1).unwrap_or("minimal.png".into());
     let pixels: Vec<u8> = gpu.read_texture(target.texture(), 0);
     image::save_buffer(out, &pixels, WIDTH, HEIGHT, image::ColorType::L8)?;

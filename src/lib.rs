@@ -57,36 +57,37 @@
 //!     target: &wgpu::Texture,
 //! ) -> Result<(), Error> {
 //!     // Once: pipelines.
-//!     let effect = AmbientOcclusion::default().effect();
 //!     let surfelizer = Surfelizer::new(device, None)?;
-//!     let descriptor = ShellSplatterDescriptor { effect: &effect, subgroups: false, statistics: false, cache: None };
-//!     let splatter = ShellSplatter::new(device, &descriptor)?;
-//!     let reconstructor = Reconstructor::new(device, &effect, wgpu::TextureFormat::R8Unorm, None)?;
+//!     let builder = BvhBuilder::new(device, Primitives::Triangles, None)?;
+//!     let tracer = BouncedZBuffer::new(device, &BouncedDescriptor::default(), None)?;
+//!     let descriptor = HitReconstructorDescriptor {
+//!         payload: Payload::Occlusion, sampling: Sampling::Cosine, deferred: false, target: wgpu::TextureFormat::R8Unorm };
+//!     let resolver = HitReconstructor::new(device, &descriptor, None)?;
 //!
-//!     // Once a scene and a view: room.
-//!     let splat = SplatSettings { radius: 2.0, ..Default::default() };
-//!     let settings = SurfelizerSettings { reach: ShellSplatter::reach(&splat), ..Default::default() };
+//!     // Once a scene and a view: room. Occluders count up to 2 world units away.
+//!     let rays = BouncedSettings { directions: 8, radius: 2.0, ..Default::default() };
+//!     let reach = Reach { radii: f32::INFINITY, world: rays.radius };
+//!     let settings = SurfelizerSettings { density: f32::INFINITY, reach, ..Default::default() };
 //!     let geometry = Geometry { meshes };
 //!     let triangles = geometry.triangles();
-//!     let capacity = CloudCapacity { surfels: 1 << 20, pieces: triangles + 10_000, triangles };
+//!     let capacity = CloudCapacity { surfels: 0, pieces: triangles + 10_000, triangles };
 //!     let mut cloud = surfelizer.create_cloud(device, capacity)?;
-//!     let mut clusters = splatter.create_clusters(device, &cloud, splat.levels)?;
+//!     let bvh = builder.create(device, &cloud)?;
 //!     let viewport = camera.viewport();
-//!     let sums = splatter.create_view(device, viewport.width, viewport.height, splat.levels)?;
-//!     let scratch = reconstructor.create_view(device, viewport.width, viewport.height, splat.levels)?;
+//!     let hits = tracer.create_view(device, viewport.width, viewport.height, rays.directions)?;
+//!     let scratch = resolver.create_view(device, viewport.width, viewport.height)?;
 //!
 //!     // Every frame: four recordings.
 //!     let input = SurfelizerInput { geometry, camera, cull_by: &[*camera], timestamps: None };
 //!     surfelizer.record(device, encoder, &input, &settings, &mut cloud)?;
-//!     let cloud = &cloud;
-//!     let input = ClusterInput { cloud, materials: None, timestamps: None };
-//!     splatter.record_clusters(device, encoder, &input, &splat, &mut clusters)?;
-//!     let clusters = &clusters;
-//!     let input = SplatInput { gbuffer, camera, cloud, clusters, materials: None, work: None, timestamps: None };
-//!     splatter.record(device, encoder, &input, &splat, &sums)?;
-//!     let (sums, levels, target) = (&sums, splat.levels, target.into());
-//!     let input = ReconstructorInput { gbuffer, camera, cloud, sums, levels, sub_image: None, target, timestamps: None };
-//!     reconstructor.record(device, encoder, &input, &Default::default(), &scratch)
+//!     builder.record(device, encoder, &cloud, &bvh, None)?;
+//!     let (cloud, bvh, hits, traced) = (&cloud, &bvh, &hits, &rays);
+//!     let input = BouncedInput {
+//!         gbuffer, camera, cloud, bvh, radiance: None, lighting: None, roughness: None, timestamps: None };
+//!     tracer.record(device, encoder, &input, traced, hits)?;
+//!     let input = HitReconstructorInput {
+//!         gbuffer, camera, cloud, hits, traced, roughness: None, target: target.into(), timestamps: None };
+//!     resolver.record(device, encoder, &input, &Default::default(), &scratch)
 //! }
 //! ```
 //!

@@ -285,16 +285,12 @@ fn memory_stays() {
     let target = target.texture();
     let input = ReconstructorInput {
         gbuffer,
-        camera,
-        cloud: &cloud,
         sums: &sums,
-        levels,
-        sub_image: None,
         target: target.into(),
         timestamps: None,
     };
     soak.pass("reconstructor", |encoder| {
-        let scratch = reconstructor.create_view(device, SIDE, SIDE, levels)?;
+        let scratch = reconstructor.create_view(device, &sums)?;
         let settings = ReconstructorSettings::default();
         reconstructor.record(device, encoder, &input, &settings, &scratch)
     });

@@ -58,12 +58,13 @@ impl Renderer {
             },
         )?;
         let format = wgpu::TextureFormat::R32Float;
-        let reconstructor = Reconstructor::new(device, &effect, format, None)?;
+        let reconstructor = splatter.reconstructor(device, format, None)?;
         let cloud = surfelizer.create_cloud(device, capacity)?;
+        let view = splatter.create_view(device, width, height, levels)?;
         Ok(Self {
             clusters: splatter.create_clusters(device, &cloud, levels)?,
-            view: splatter.create_view(device, width, height, levels)?,
-            scratch: reconstructor.create_view(device, width, height, levels)?,
+            scratch: reconstructor.create_view(device, &view)?,
+            view,
             target: gpu.target(format, width, height),
             surfelizer,
             splatter,
@@ -145,12 +146,8 @@ impl Renderer {
                 encoder,
                 &ReconstructorInput {
                     gbuffer: raster.gbuffer(),
-                    camera,
-                    cloud: &self.cloud,
                     sums: &self.view,
-                    levels: preset.splat.levels,
                     target: self.target.texture().into(),
-                    sub_image: None,
                     timestamps: None,
                 },
                 &preset.reconstructor,

@@ -10,9 +10,9 @@ use wgpu::{
 
 use self::{params::ReconstructorParams, settings::ReconstructorSettings};
 use crate::{
-    camera::{Camera, Viewport},
+    camera::Viewport,
     effect::Effect,
-    error::{Error, check_setting},
+    error::Error,
     gbuffer::GBuffer,
     gpu::{
         Kernel, Timestamps,
@@ -21,12 +21,11 @@ use crate::{
         screen::{self, Screen},
         shader, uniform,
     },
-    receivers::{check_view_size, plane, plane_bytes},
+    receivers::{plane, plane_bytes},
     shaders::Listing,
-    shell_splatter::SplatView,
-    surfel::SurfelCloud,
+    shell_splatter::{ShellSplatter, SplatView, Splatted},
     texture_slice::{TextureSlice, check_apart},
-    work::{LEVELS, level_size},
+    work::level_size,
 };
 
 const SOURCE: &str = include_str!("../../wgsl/reconstructor.wgsl");
@@ -82,24 +81,32 @@ impl ReconstructorView {
 /// What one recording of the [`Reconstructor`] works on.
 #[derive(Clone, Copy, Debug)]
 pub struct ReconstructorInput<'a> {
-    /// The G-buffer that was splatted to.
+    /// The G-buffer that was splatted to, of which effects with [`Effect::albedo`] take the albedo.
     pub gbuffer: GBuffer<'a>,
-    /// Its camera.
-    pub camera: &'a Camera,
-    /// The cloud that was splatted.
-    pub cloud: &'a SurfelCloud,
-    /// The level sums.
+    /// The sums, splatted since their cloud was recorded. They know their camera, levels and sub-image.
     pub sums: &'a SplatView,
-    /// How many levels were splatted.
-    pub levels: u32,
-    /// The sub-image that was splatted, 0…3, where [`SplatInput::work`](crate::SplatInput::work) was given.
-    pub sub_image: Option<u32>,
     /// The caller's texture, of the format that the reconstructor was made for, usage `RENDER_ATTACHMENT`, covering the
     /// camera's viewport, or having a sub-image's pixels from the corner. Only these are written. What a work list left
     /// out gets what the effect makes of the sky.
     pub target: TextureSlice<'a>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
+}
+
+impl ShellSplatter {
+    /// The pass that makes a picture of this splatter's sums, in a target of that format: [`Reconstructor::new`] for the same
+    /// effect.
+    ///
+    /// # Errors
+    /// As [`Reconstructor::new`].
+    pub fn reconstructor(
+        &self,
+        device: &Device,
+        target: TextureFormat,
+        cache: Option<&PipelineCache>,
+    ) -> Result<Reconstructor, Error> {
+        Reconstructor::new(device, self.effect(), target, cache)
+    }
 }
 
 impl Reconstructor {
@@ -180,26 +187,17 @@ impl Reconstructor {
         })
     }
 
-    /// Room for a view of `width` × `height` pixels, as the splatter's: nothing with one level.
+    /// Room for the reconstruction of a view's sums: nothing with one level.
     ///
     /// # Errors
-    /// [`Error::Setting`] for a size out of range, [`Error::Limit`] for one beyond the device's.
+    /// [`Error::Limit`] for more than the device can hold.
     pub fn create_view(
         &self,
         device: &Device,
-        width: u32,
-        height: u32,
-        levels: u32,
+        sums: &SplatView,
     ) -> Result<ReconstructorView, Error> {
-        check_setting(
-            (1..=crate::shell_splatter::settings::MAX_LEVELS).contains(&levels),
-            "levels",
-            levels,
-            "1 to 8",
-        )?;
-        let size = [width, height];
+        let (size, levels) = (sums.size(), sums.levels());
         let format = self.effect.sum_format();
-        check_view_size(device, LABEL, size)?;
         let layers = |label, layers| -> Result<TextureView, Error> {
             let texture = plane(device, label, format, size, layers)?;
             Ok(texture.create_view(&wgpu::TextureViewDescriptor {
@@ -227,8 +225,8 @@ impl Reconstructor {
     ///
     /// # Errors
     /// [`Error::Setting`]; [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target, [`Error::Mismatch`]
-    /// where sums and view disagree with the camera or with each other, [`Error::Recording`] where the sums were not
-    /// recorded from this cloud, since that was.
+    /// where the sums are another effect's or the view was made for others, [`Error::Recording`] where the sums were not
+    /// recorded, or not since their cloud was.
     pub fn record(
         &self,
         device: &Device,
@@ -239,19 +237,10 @@ impl Reconstructor {
     ) -> Result<(), Error> {
         settings.validate()?;
         check_timestamps(input.timestamps)?;
-        let viewport = self.check(input, scratch)?;
-        let params = uniform(
-            device,
-            LABEL,
-            &ReconstructorParams::new(
-                settings,
-                input.camera,
-                input.cloud.origin(),
-                input.levels,
-                input.sub_image,
-            ),
-        );
-        let smoothing = scratch.scratch.as_ref().filter(|_| input.levels > 1);
+        let (splatted, viewport) = self.check(input, scratch)?;
+        let params = ReconstructorParams::new(settings, &splatted);
+        let params = uniform(device, LABEL, &params);
+        let smoothing = scratch.scratch.as_ref().filter(|_| splatted.levels > 1);
         let shared = [(0, whole(&params)), (1, view(&input.sums.receivers.view))];
 
         if let Some(scratch) = smoothing {
@@ -265,7 +254,7 @@ impl Reconstructor {
             let Viewport { width, height, .. } = viewport;
             pass.set_pipeline(&self.smooth_rows);
             pass.set_bind_group(0, &group(input.sums.sums(), &scratch.rows), &[]);
-            pass.dispatch_workgroups(width.div_ceil(32), height.div_ceil(8), input.levels - 1);
+            pass.dispatch_workgroups(width.div_ceil(32), height.div_ceil(8), splatted.levels - 1);
             pass.set_pipeline(&self.smooth_columns);
             pass.set_bind_group(0, &group(&scratch.rows, &scratch.total), &[]);
             pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(32), 1);
@@ -296,26 +285,28 @@ impl Reconstructor {
         Ok(())
     }
 
-    /// The part of the target that is to be written.
+    /// What was splatted, and the part of the target that is to be written.
     fn check(
         &self,
         input: &ReconstructorInput<'_>,
         scratch: &ReconstructorView,
-    ) -> Result<Viewport, Error> {
+    ) -> Result<(Splatted, Viewport), Error> {
         const TARGET: &str = "ReconstructorInput::target";
-        let whole = input.camera.viewport();
-        let mut viewport = whole;
-        if let Some(level) = input.sub_image {
-            check_setting(
-                level < LEVELS,
-                "ReconstructorInput::sub_image",
-                level,
-                "0 to 3",
-            )?;
-            let [width, height] = level_size([whole.width, whole.height], level);
-            viewport = Viewport::full(width, height);
+        let sums = input.sums;
+        let splatted = sums.recorded.get("SplatView")?;
+        splatted.of.check_last("SplatView", "SurfelCloud")?;
+        if *splatted.effect != self.effect {
+            return Err(Error::Mismatch {
+                name: "SplatView",
+                found: format!("sums of the effect {}", splatted.effect.label),
+                needed: format!("those of the very effect {}", self.effect.label),
+            });
         }
-        let size = [viewport.width, viewport.height];
+        let whole = splatted.camera.viewport();
+        let viewport = splatted.sub_image.map_or(whole, |level| {
+            let [width, height] = level_size([whole.width, whole.height], level);
+            Viewport::full(width, height)
+        });
         screen::check_target(TARGET, &input.target, viewport, self.target)?;
         if self.effect.albedo {
             input.gbuffer.validate(whole)?;
@@ -328,43 +319,10 @@ impl Reconstructor {
                 });
             }
         }
-        let sums = input.sums;
-        if sums.size() != size
-            || sums.levels() < input.levels
-            || sums.format() != self.effect.sum_format()
-        {
-            return Err(Error::Mismatch {
-                name: "SplatView",
-                found: format!(
-                    "{:?} pixels, {} levels, {:?}",
-                    sums.size(),
-                    sums.levels(),
-                    sums.format()
-                ),
-                needed: format!(
-                    "{size:?} pixels, {} levels, {:?}",
-                    input.levels,
-                    self.effect.sum_format()
-                ),
-            });
-        }
-        let splatted = sums.recorded.get("SplatView")?;
-        input.cloud.check_source("SplatView", &splatted.of)?;
-        let sub_image = input.sub_image.unwrap_or(0);
-        if (splatted.levels, splatted.sub_image) != (input.levels, sub_image) {
-            return Err(Error::Mismatch {
-                name: "SplatView",
-                found: format!(
-                    "{} splatted levels, sub-image {}",
-                    splatted.levels, splatted.sub_image
-                ),
-                needed: format!("{} levels, sub-image {sub_image}", input.levels),
-            });
-        }
+        let size = sums.size();
         if scratch.size != size
-            || scratch.levels < input.levels
-            || scratch.format != self.effect.sum_format()
-            || input.levels == 0
+            || scratch.levels < splatted.levels
+            || scratch.format != sums.format()
         {
             return Err(Error::Mismatch {
                 name: "ReconstructorView",
@@ -372,10 +330,14 @@ impl Reconstructor {
                     "{:?} pixels, {} levels, {:?}",
                     scratch.size, scratch.levels, scratch.format
                 ),
-                needed: format!("{size:?} pixels, {} levels (at least 1)", input.levels),
+                needed: format!(
+                    "{size:?} pixels, {} levels, {:?}",
+                    splatted.levels,
+                    sums.format()
+                ),
             });
         }
-        Ok(viewport)
+        Ok((splatted, viewport))
     }
 }
 

@@ -1,13 +1,9 @@
 //! What the GPU reads: `Params` of `wgsl/reconstructor.wgsl`.
 
 use bytemuck::{Pod, Zeroable};
-use glam::DVec3;
 
 use super::settings::ReconstructorSettings;
-use crate::{
-    camera::{Camera, CameraParams},
-    work::level_size,
-};
+use crate::{camera::CameraParams, shell_splatter::Splatted, work::level_size};
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -23,14 +19,11 @@ pub struct ReconstructorParams {
 }
 
 impl ReconstructorParams {
-    pub fn new(
-        settings: &ReconstructorSettings,
-        camera: &Camera,
-        origin: DVec3,
-        levels: u32,
-        sub_image: Option<u32>,
-    ) -> Self {
-        let full = camera.params(origin);
+    pub fn new(settings: &ReconstructorSettings, splatted: &Splatted) -> Self {
+        let &Splatted {
+            levels, sub_image, ..
+        } = splatted;
+        let full = splatted.camera.params(splatted.origin);
         let [_, _, width, height] = full.viewport;
         let part = |level| full.of_sub_image(level_size([width, height], level), level);
         Self {

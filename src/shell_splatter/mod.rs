@@ -4,6 +4,9 @@
 pub(crate) mod params;
 pub(crate) mod settings;
 
+use std::sync::Arc;
+
+use glam::DVec3;
 use wgpu::{
     BindingType, Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, Features,
     PipelineCache, ShaderStages, TextureFormat, TextureView, TextureViewDimension,
@@ -43,7 +46,7 @@ const LABEL: &str = "deep-screen-space shell splatter";
 /// effect says otherwise: [`AmbientOcclusion::own_surface`](crate::AmbientOcclusion::own_surface), [`Effect::own_surface`].
 #[derive(Debug)]
 pub struct ShellSplatter {
-    effect: Effect,
+    effect: Arc<Effect>,
     statistics: bool,
     build_layout: wgpu::BindGroupLayout,
     splat_layout: wgpu::BindGroupLayout,
@@ -122,8 +125,13 @@ pub struct SplatView {
 /// What a view's sums are of.
 #[derive(Clone, Debug)]
 pub(crate) struct Splatted {
+    pub effect: Arc<Effect>,
+    pub camera: Camera,
+    /// The cloud's.
+    pub origin: DVec3,
     pub levels: u32,
-    pub sub_image: u32,
+    /// Of a work list.
+    pub sub_image: Option<u32>,
     /// The cloud's recording.
     pub of: Stamp,
 }
@@ -202,6 +210,11 @@ pub struct SplatInput<'a> {
 }
 
 impl ShellSplatter {
+    /// What it was made for.
+    pub(crate) fn effect(&self) -> &Effect {
+        &self.effect
+    }
+
     /// Features that make it faster where the device has them. None is needed.
     pub fn optional_features() -> Features {
         Features::SUBGROUP
@@ -279,7 +292,7 @@ impl ShellSplatter {
             splat: kernel(&splat_module, "splat", &splat_layout),
             receivers: ReceiversPass::new(device, descriptor.cache)?,
             listed_receivers: ListedReceiversPass::new(device, descriptor.cache)?,
-            effect: effect.clone(),
+            effect: Arc::new(effect.clone()),
             statistics: descriptor.statistics,
             plan_layout,
             build_layout,
@@ -483,8 +496,11 @@ impl ShellSplatter {
             });
         }
         view.recorded.set(Splatted {
+            effect: Arc::clone(&self.effect),
+            camera: *input.camera,
+            origin: input.cloud.origin(),
             levels: settings.levels,
-            sub_image,
+            sub_image: input.work.as_ref().map(|work| work.level),
             of: input.cloud.last()?,
         });
         if let Some(statistics) = &view.statistics {

@@ -254,12 +254,8 @@ impl Summed<'_> {
     ) -> ReconstructorInput<'a> {
         ReconstructorInput {
             gbuffer: scene.gbuffer(),
-            camera: &scene.camera,
-            cloud: &self.wired.passes.cloud,
             sums: &self.view,
-            levels: self.levels,
             target: target.texture().into(),
-            sub_image: None,
             timestamps: None,
         }
     }
@@ -283,9 +279,8 @@ impl Summed<'_> {
             other = pipelines::reconstructor(&self.wired.effect, format);
             &other
         };
-        let [width, height] = self.view.size();
         let scratch = reconstructor
-            .create_view(device, width, height, self.levels)
+            .create_view(device, &self.view)
             .expect("a view");
         let mut encoder = gpu.encoder();
         encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
@@ -604,7 +599,7 @@ fn one_level_is_resolved_as_it_is() {
     let scratch = summed
         .wired
         .reconstructor
-        .create_view(&gpu.device, 31, 17, 1)
+        .create_view(&gpu.device, &summed.view)
         .expect("a view");
     assert_eq!(scratch.memory_bytes(), 0);
 }
@@ -847,17 +842,8 @@ fn what_does_not_fit_is_refused() {
     let mut wired = Wired::new(gpu, tinted);
     let summed = wired.sum(gpu, &scene, 3);
     let reconstructor = &summed.wired.reconstructor;
-    let view = |width, height, levels| reconstructor.create_view(device, width, height, levels);
-    refused(view(8, 6, 0), "Setting", "levels", "1 to 8");
-    refused(view(8, 6, 9), "Setting", "levels", "1 to 8");
-    refused(view(0, 6, 3), "Setting", "view size", "at least 1x1");
-    refused(
-        view(1 << 20, 1, 3),
-        "Limit",
-        "max_texture_dimension_2d",
-        "1048576",
-    );
-    let scratch = view(8, 6, 3).expect("a view");
+    let scratch = reconstructor.create_view(device, &summed.view);
+    let scratch = scratch.expect("a view");
 
     let standard = ReconstructorSettings::default();
     let record = |input: &ReconstructorInput<'_>,
@@ -888,34 +874,26 @@ fn what_does_not_fit_is_refused() {
         "GBuffer",
         "the effect test",
     );
-    for levels in [0, 4] {
-        let input = ReconstructorInput { levels, ..good };
+    let splatter = pipelines::shell_splatter(&summed.wired.effect, false);
+    for (height, levels) in [(5, 3), (6, 2)] {
+        let sums = splatter.create_view(device, 8, height, levels);
+        let other = reconstructor.create_view(device, &sums.expect("a view"));
         refused(
-            record(&input, &standard, &scratch),
-            "Mismatch",
-            "View",
-            "levels",
-        );
-    }
-    for small in [view(8, 5, 3), view(8, 6, 2)] {
-        let small = small.expect("a view");
-        refused(
-            record(&good, &standard, &small),
+            record(&good, &standard, &other.expect("a view")),
             "Mismatch",
             "ReconstructorView",
             "[8, 6] pixels",
         );
     }
-    let elsewhere = camera(Viewport::full(7, 6));
-    let input = ReconstructorInput {
-        camera: &elsewhere,
-        ..good
-    };
+    // Another effect's sums, of as many channels.
+    let other = Reconstructor::new(device, &one_channel(ONE, PLAIN), Format::R32Float, None);
     refused(
-        record(&input, &standard, &scratch),
+        other
+            .expect("pipelines")
+            .record(device, &mut gpu.encoder(), &good, &standard, &scratch),
         "Mismatch",
         "SplatView",
-        "[7, 6] pixels",
+        "effect",
     );
 
     let attachment = TextureUsages::RENDER_ATTACHMENT;

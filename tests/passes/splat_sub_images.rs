@@ -96,9 +96,7 @@ impl<'a> Splats<'a> {
         let [width, height] = self.size().map(|n| n.div_ceil(1 << sub_image));
         let levels = self.settings.levels;
         let sums = self.splatter.create_view(device, width, height, levels)?;
-        let scratch = self
-            .reconstructor
-            .create_view(device, width, height, levels)?;
+        let scratch = self.reconstructor.create_view(device, &sums)?;
         let gbuffer = self.shot.lit_gbuffer();
         let input = SplatInput {
             gbuffer,
@@ -113,12 +111,8 @@ impl<'a> Splats<'a> {
             .record(device, encoder, &input, &self.settings, &sums)?;
         let input = ReconstructorInput {
             gbuffer,
-            camera: self.camera(),
-            cloud: &self.cloud,
             sums: &sums,
-            levels,
             // From the corner, wherever the viewport is.
-            sub_image: Some(sub_image),
             target: target.into(),
             timestamps: None,
         };

@@ -96,9 +96,7 @@ fn recordings_from_surfels_write_their_times() {
         .create_clusters(device, &cloud, 5)
         .expect("clusters");
     let sums = splatter.create_view(device, 16, 16, 5).expect("a view");
-    let scratch = reconstructor
-        .create_view(device, 16, 16, 5)
-        .expect("a view");
+    let scratch = reconstructor.create_view(device, &sums).expect("a view");
     let target = gpu.target(format, 16, 16);
 
     let mut encoder = gpu.encoder();
@@ -170,12 +168,8 @@ fn recordings_from_surfels_write_their_times() {
         .expect("sums");
     let input = ReconstructorInput {
         gbuffer: shot.gbuffer(),
-        camera: &shot.camera,
-        cloud: &cloud,
         sums: &sums,
-        levels: 5,
         target: target.texture().into(),
-        sub_image: None,
         timestamps: Some(times.stamps(3)),
     };
     reconstructor

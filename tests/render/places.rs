@@ -54,7 +54,7 @@ fn far_from_the_origin_is_as_at_the_origin() {
 }
 
 /// Rasterisers move what they draw by up to half a step of a grid of their own, and the fewer pixels there are, the farther:
-/// rays must start beyond that, or they meet the surface that they left (SwiftShader: RMSE 0.37 and 0.24).
+/// rays must start beyond that, or they meet the surface that they left (`SwiftShader`: RMSE 0.37 and 0.24).
 #[test]
 fn rays_of_small_pictures_leave_their_own_surface() {
     for scene in ["fence", "colonnade"] {

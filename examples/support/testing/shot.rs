@@ -249,7 +249,7 @@ impl Passes {
             .expect("a view");
         let scratch = self
             .reconstructor
-            .create_view(device, width, height, levels)
+            .create_view(device, &sums)
             .expect("a view");
         let target = gpu.target(wgpu::TextureFormat::R32Float, width, height);
         let mut encoder = gpu.encoder();
@@ -308,12 +308,8 @@ impl Passes {
                 &mut encoder,
                 &ReconstructorInput {
                     gbuffer: shot.gbuffer(),
-                    camera: &shot.camera,
-                    cloud: &cloud,
                     sums: &sums,
-                    levels,
                     target: target.texture().into(),
-                    sub_image: None,
                     timestamps: None,
                 },
                 &settings.reconstructor,

@@ -166,12 +166,11 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         case.buffer("statistics", statistics, Kind::Bits);
     }
 
-    let splatted = settings.levels;
     let format = inputs::target_format(case);
     let reconstructor = case.once((&effect, format), |device| {
         Reconstructor::new(device, &effect, format, None)
     })?;
-    let scratch = reconstructor.create_view(device, width, height, levels);
+    let scratch = reconstructor.create_view(device, &sums);
     let scratch = case.accept(scratch)?;
     let written = match work {
         Some(_) => Viewport::full(width, height),
@@ -186,15 +185,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     case.note("reconstructor", settings);
     let input = ReconstructorInput {
         gbuffer: gbuffer.gbuffer(),
-        camera: &camera,
-        cloud,
         sums: &sums,
-        levels: if case.random.breaks() {
-            case.random.one_of(&[0, levels + 1])
-        } else {
-            splatted
-        },
-        sub_image: work.map(|work| work.level),
         target: target.slice(),
         timestamps: case.timestamps(),
     };

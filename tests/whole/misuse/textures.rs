@@ -2,7 +2,7 @@
 
 use deep_screen_space::{
     Components, Effect, Gatherer, HitReconstructor, HitReconstructorDescriptor,
-    HitReconstructorInput, HitReconstructorSettings, Light, Reconstructor, ReconstructorInput,
+    HitReconstructorInput, HitReconstructorSettings, Light, ReconstructorInput,
     ReconstructorSettings, Sampling, ScreenSpaceGi, ScreenSpaceGiInput, ScreenSpaceGiSettings,
     SgHull, SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize, SgHullView, ShadowMap,
     SoftShadows, SoftShadowsInput, SoftShadowsSettings, TemporalAccumulator, TemporalInput,
@@ -524,9 +524,6 @@ fn sums_picture(lab: &Lab, gbuffer: GBuffer<'_>) -> Vec<[f32; 4]> {
     let mut clusters = lab.clusters(&cloud);
     lab.record_clusters(&mut encoder, &cloud, &mut clusters)
         .expect("clusters");
-    let sums = lab.splat_view();
-    lab.splat(&mut encoder, (&cloud, &clusters), &sums)
-        .expect("sums");
     let occlusion = AmbientOcclusion::default().effect();
     let (kept, _) = occlusion
         .source
@@ -540,16 +537,33 @@ fn sums_picture(lab: &Lab, gbuffer: GBuffer<'_>) -> Vec<[f32; 4]> {
         albedo: true,
         ..occlusion
     };
-    let pass = Reconstructor::new(device, &effect, Format::Rgba32Float, None).expect("pipelines");
-    let scratch = pass.create_view(device, SIDE, SIDE, 2).expect("a view");
-    let target = lab.gpu.target(Format::Rgba32Float, SIDE, SIDE);
-    let input = ReconstructorInput {
+    let descriptor = ShellSplatterDescriptor {
+        effect: &effect,
+        subgroups: false,
+        statistics: false,
+        cache: None,
+    };
+    let splatter = ShellSplatter::new(device, &descriptor).expect("pipelines");
+    let sums = lab.splat_view();
+    let input = SplatInput {
         gbuffer,
         camera: &lab.camera,
         cloud: &cloud,
+        clusters: &clusters,
+        materials: None,
+        work: None,
+        timestamps: None,
+    };
+    splatter
+        .record(device, &mut encoder, &input, &splat(), &sums)
+        .expect("sums");
+    let pass = splatter.reconstructor(device, Format::Rgba32Float, None);
+    let pass = pass.expect("pipelines");
+    let scratch = pass.create_view(device, &sums).expect("a view");
+    let target = lab.gpu.target(Format::Rgba32Float, SIDE, SIDE);
+    let input = ReconstructorInput {
+        gbuffer,
         sums: &sums,
-        levels: 2,
-        sub_image: None,
         target: target.texture().into(),
         timestamps: None,
     };
