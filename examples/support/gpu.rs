@@ -285,7 +285,9 @@ impl Gpu {
         width: u32,
         height: u32,
     ) -> wgpu::TextureView {
-        let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::RENDER_ATTACHMENT;
+        let usage = wgpu::TextureUsages::STORAGE_BINDING
+            | wgpu::TextureUsages::RENDER_ATTACHMENT
+            | wgpu::TextureUsages::COPY_DST;
         self.empty(format, width, height, usage)
     }
 

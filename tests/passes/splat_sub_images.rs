@@ -109,16 +109,31 @@ impl<'a> Splats<'a> {
         };
         self.splatter
             .record(device, encoder, &input, &self.settings, &sums)?;
+        // Sub-images are written from the corner, the whole where the viewport is.
+        let viewport = self.camera().viewport();
+        let [right, bottom] = [viewport.x + viewport.width, viewport.y + viewport.height];
+        let whole = (work.is_none() && [right, bottom] != self.size())
+            .then(|| self.gpu.target(Format::R32Float, right, bottom));
+        let written = whole.as_ref().map_or(target, |whole| whole.texture());
         let input = ReconstructorInput {
             gbuffer,
             sums: &sums,
-            // From the corner, wherever the viewport is.
-            target: target.into(),
+            target: written.into(),
             timestamps: None,
         };
         let settings = ReconstructorSettings::default();
         self.reconstructor
-            .record(device, encoder, &input, &settings, &scratch)
+            .record(device, encoder, &input, &settings, &scratch)?;
+        if let Some(whole) = &whole {
+            let mut from = whole.texture().as_image_copy();
+            from.origin = wgpu::Origin3d {
+                x: viewport.x,
+                y: viewport.y,
+                z: 0,
+            };
+            encoder.copy_texture_to_texture(from, target.as_image_copy(), target.size());
+        }
+        Ok(())
     }
 }
 
