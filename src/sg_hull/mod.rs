@@ -3,25 +3,27 @@
 
 pub(crate) mod bound;
 pub(crate) mod gatherer;
+pub(crate) mod modules;
 pub(crate) mod params;
 pub(crate) mod settings;
 pub(crate) mod surfels;
+pub(crate) mod view;
 
 use std::borrow::Cow;
 
 use glam::DVec3;
 use wgpu::{
-    BindGroup, BindGroupLayout, BindingType, Buffer, BufferUsages, CommandEncoder, ComputePass,
-    ComputePipeline, Device, PipelineCache, RenderPipeline, ShaderStages, TextureFormat,
-    TextureView,
+    BindGroup, BindGroupLayout, BindingType, Buffer, CommandEncoder, ComputePass, ComputePipeline,
+    Device, PipelineCache, RenderPipeline, ShaderStages, TextureFormat, TextureView,
 };
 
-pub use self::params::{HullSegment, HullVertex, SgHullCounts};
 use self::{
     bound::{GathererBinding, check_origin},
     gatherer::Gatherer,
-    params::SgHullParams,
+    modules::{HullStage, HullVariant, source},
+    params::{SgHullCounts, SgHullParams},
     settings::{Components, SgHullSettings, SgHullSize},
+    view::SgHullView,
 };
 use crate::{
     camera::Camera,
@@ -30,13 +32,10 @@ use crate::{
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_2D, READ, UINT_2D, UNIFORM, WRITE, view, whole},
-        check_timestamps, first_pass,
-        preprocess::Module,
-        screen, shader, storage, uniform,
+        check_timestamps, first_pass, screen, shader, uniform,
     },
     overrides::check_constants,
-    receivers::{Receivers, ReceiversPass, check_view_size, plane_bytes},
-    shaders::{Listing, name_of},
+    receivers::ReceiversPass,
     texture_slice::{TextureSlice, check_apart},
 };
 
@@ -138,75 +137,6 @@ pub struct SgHullDescriptor<'a> {
     pub components: Components,
     /// The caller's cache, if any.
     pub cache: Option<&'a PipelineCache>,
-}
-
-/// The buffers of one view.
-#[derive(Debug)]
-pub struct SgHullView {
-    size: SgHullSize,
-    receivers: Receivers,
-    segment_of: Buffer,
-    /// Pixels that are another surface than their texel's middle.
-    others: Buffer,
-    segments: Buffer,
-    vertices: Buffer,
-    /// `Gathering`s: the vertices to gather at.
-    list: Buffer,
-    /// Quads that do not fit, and parts of them, to be split in four.
-    splits: Buffer,
-    /// Parts that fit.
-    parts: Buffer,
-    /// Quads and parts whose light is gathered at each pixel.
-    misfits: Buffer,
-    /// Their pixels.
-    exact: Buffer,
-    counts: Buffer,
-    /// Arguments of one dispatch after another. A kernel cannot write the buffer that its own come from.
-    dispatch: Buffer,
-}
-
-impl SgHullView {
-    /// What it was made for.
-    pub fn size(&self) -> SgHullSize {
-        self.size
-    }
-
-    /// One [`SgHullCounts`] (usage `COPY_SRC`).
-    pub fn counts(&self) -> &Buffer {
-        &self.counts
-    }
-
-    /// The segment of each pixel, a `u32` each, rows from the top; `0xffff_ffff` for the sky (usage `COPY_SRC`).
-    pub fn segment_of(&self) -> &Buffer {
-        &self.segment_of
-    }
-
-    /// The segments, [`HullSegment`]s of 48 bytes: first those counted as [`SgHullCounts::segments`], then, from
-    /// [`SgHullSize::segments`] on, those of last resort (usage `COPY_SRC`).
-    pub fn segments(&self) -> &Buffer {
-        &self.segments
-    }
-
-    /// Four [`HullVertex`]es of 96 bytes a quad, without gaps (usage `COPY_SRC`).
-    pub fn vertices(&self) -> &Buffer {
-        &self.vertices
-    }
-
-    /// GPU memory that it owns, bytes.
-    pub fn memory_bytes(&self) -> u64 {
-        plane_bytes(TextureFormat::Rgba32Uint, self.receivers.size, 1)
-            + self.segment_of.size()
-            + self.others.size()
-            + self.segments.size()
-            + self.vertices.size()
-            + self.list.size()
-            + self.splits.size()
-            + self.parts.size()
-            + self.misfits.size()
-            + self.exact.size()
-            + self.counts.size()
-            + self.dispatch.size()
-    }
 }
 
 /// What one recording of the [`SgHull`] works on.
@@ -487,65 +417,7 @@ impl SgHull {
     /// # Errors
     /// [`Error::Setting`] for a size out of range, [`Error::Limit`] for one beyond the device's.
     pub fn create_view(&self, device: &Device, size: SgHullSize) -> Result<SgHullView, Error> {
-        size.validate()?;
-        check_view_size(device, LABEL, [size.width, size.height])?;
-        let capacity = u64::from(size.capacity());
-        let splits = if self.split.is_some() {
-            u64::from(size.splits)
-        } else {
-            0
-        };
-        let buffer =
-            |label, bytes, usage| storage(device, label, bytes, usage | BufferUsages::COPY_SRC);
-        let none = BufferUsages::empty();
-        let pixels = 4 * u64::from(size.width) * u64::from(size.height);
-        Ok(SgHullView {
-            size,
-            receivers: Receivers::new(device, [size.width, size.height])?,
-            segment_of: buffer("deep-screen-space hull pixels", pixels, none)?,
-            others: buffer("deep-screen-space hull others", pixels, none)?,
-            segments: buffer(
-                "deep-screen-space hull segments",
-                capacity * size_of::<HullSegment>() as u64,
-                none,
-            )?,
-            vertices: buffer(
-                "deep-screen-space hull vertices",
-                4 * capacity * size_of::<HullVertex>() as u64,
-                none,
-            )?,
-            list: buffer("deep-screen-space hull list", 4 * capacity * 8, none)?,
-            splits: buffer(
-                "deep-screen-space hull splits",
-                splits.max(1) * SPLIT_BYTES,
-                none,
-            )?,
-            parts: buffer(
-                "deep-screen-space hull parts",
-                4 * splits.max(1) * PART_BYTES,
-                none,
-            )?,
-            misfits: buffer(
-                "deep-screen-space hull misfits",
-                (capacity + 4 * splits) * MISFIT_BYTES,
-                none,
-            )?,
-            exact: buffer(
-                "deep-screen-space hull exact",
-                u64::from(size.exact) * 16,
-                none,
-            )?,
-            dispatch: buffer(
-                "deep-screen-space hull dispatch",
-                16,
-                BufferUsages::INDIRECT,
-            )?,
-            counts: buffer(
-                "deep-screen-space hull counts",
-                size_of::<SgHullCounts>() as u64,
-                BufferUsages::INDIRECT | BufferUsages::COPY_DST,
-            )?,
-        })
+        SgHullView::new(device, size, self.split.is_some())
     }
 
     /// Records the hull and the picture.
@@ -864,11 +736,6 @@ fn with_gatherer<'a>(
     [layout].into_iter().chain(&gatherer.layout).collect()
 }
 
-/// Bytes of `Split`, `Part` (`wgsl/common/sg_hull_split.wgsl`) and `Misfit` (`wgsl/common/sg_hull.wgsl`).
-pub(crate) const SPLIT_BYTES: u64 = 240;
-pub(crate) const PART_BYTES: u64 = 80;
-pub(crate) const MISFIT_BYTES: u64 = 16;
-
 /// Rounds until no part of a quad is wide enough to be split.
 fn split_rounds(settings: &SgHullSettings, size: &SgHullSize) -> u32 {
     const SPLIT_SIDE: u32 = 4;
@@ -916,102 +783,4 @@ impl Plan {
             Self::Pixels => "plan_pixels",
         }
     }
-}
-
-/// The modules that a hull is made of.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum HullStage {
-    Segment,
-    Plan,
-    Place,
-    Gather,
-    Judge,
-    Split,
-    Shade,
-    Exact,
-}
-
-/// What a surface reflects depends on.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct HullVariant {
-    pub(crate) albedo: bool,
-    pub(crate) glossy: bool,
-}
-
-/// Assembles one of them.
-fn source(gatherer: &str, stage: HullStage, variant: HullVariant) -> Result<String, Error> {
-    let (name, text) = match stage {
-        HullStage::Segment => (
-            "sg_hull_segment",
-            include_str!("../../wgsl/sg_hull_segment.wgsl"),
-        ),
-        HullStage::Plan => ("sg_hull_plan", include_str!("../../wgsl/sg_hull_plan.wgsl")),
-        HullStage::Place => (
-            "sg_hull_place",
-            include_str!("../../wgsl/sg_hull_place.wgsl"),
-        ),
-        HullStage::Judge => (
-            "sg_hull_judge",
-            include_str!("../../wgsl/sg_hull_judge.wgsl"),
-        ),
-        HullStage::Split => (
-            "sg_hull_split",
-            include_str!("../../wgsl/sg_hull_split.wgsl"),
-        ),
-        HullStage::Gather => (
-            "sg_hull_gather",
-            include_str!("../../wgsl/sg_hull_gather.wgsl"),
-        ),
-        HullStage::Shade => ("sg_hull", include_str!("../../wgsl/sg_hull.wgsl")),
-        HullStage::Exact => (
-            "sg_hull_exact",
-            include_str!("../../wgsl/sg_hull_exact.wgsl"),
-        ),
-    };
-    let flags: Vec<&str> = [(variant.albedo, "ALBEDO"), (variant.glossy, "GLOSSY")]
-        .into_iter()
-        .filter_map(|(on, flag)| on.then_some(flag))
-        .collect();
-    let gatherer = Module {
-        name: "gatherer",
-        file: "the gatherer",
-        text: gatherer,
-    };
-    shader::assemble(name, text, &flags, &[gatherer])
-}
-
-/// Every module of the pass.
-pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
-    let plain = HullVariant::default();
-    for (name, stage) in [
-        ("sg_hull_segment", HullStage::Segment),
-        ("sg_hull_plan", HullStage::Plan),
-        ("sg_hull_place", HullStage::Place),
-        ("sg_hull_judge", HullStage::Judge),
-        ("sg_hull_split", HullStage::Split),
-    ] {
-        all.add(name, source("", stage, plain)?);
-    }
-    let gatherers = [
-        (gatherer::POLYGONS, "polygons"),
-        (gatherer::LIGHTS, "lights"),
-        (surfels::SURFELS, "surfels"),
-    ];
-    for (gatherer, name) in gatherers {
-        let source = source(gatherer, HullStage::Gather, plain)?;
-        all.add(&format!("sg_hull_gather {name}"), source);
-    }
-    for albedo in [false, true] {
-        for glossy in [false, true] {
-            let variant = HullVariant { albedo, glossy };
-            let flags = [(albedo, "albedo"), (glossy, "glossy")];
-            for (gatherer, name) in gatherers {
-                let name = name_of(&format!("sg_hull_exact {name}"), &flags);
-                all.add(&name, source(gatherer, HullStage::Exact, variant)?);
-            }
-            let name = name_of("sg_hull", &flags);
-            all.add(&name, source("", HullStage::Shade, variant)?);
-        }
-    }
-    Ok(())
 }
