@@ -22,9 +22,9 @@ use crate::{
     reflective_shadow_map::ReflectiveShadowMapParams,
     screen_space_gi::params::ScreenSpaceGiParams,
     sg_hull::{
-        self,
         params::{HullSegment, HullVertex, SgHullCounts, SgHullParams},
         surfels::SurfelGatherParams,
+        view::{MISFIT_BYTES, PART_BYTES, SPLIT_BYTES},
     },
     shaders,
     shell_splatter::params::SplatParams,
@@ -305,9 +305,9 @@ fn structs_match_the_shaders() {
     check(&ao, "sg_hull_place", "PlaceCounters", first(5), 32);
     check(&ao, "sg_hull_judge", "JudgeCounters", first(9), 48);
     for (name, size) in [
-        ("Split", sg_hull::SPLIT_BYTES),
-        ("Part", sg_hull::PART_BYTES),
-        ("Misfit", sg_hull::MISFIT_BYTES),
+        ("Split", SPLIT_BYTES),
+        ("Part", PART_BYTES),
+        ("Misfit", MISFIT_BYTES),
         ("SplitCounters", size_of::<SgHullCounts>() as u64),
     ] {
         let (_, span) = reflect(&ao, "sg_hull_split", name);

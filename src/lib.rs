@@ -178,11 +178,13 @@ pub use reflective_shadow_map::{
 };
 pub use screen_space_gi::{ScreenSpaceGi, ScreenSpaceGiInput, settings::ScreenSpaceGiSettings};
 pub use sg_hull::{
-    HullSegment, HullVertex, SgHull, SgHullCounts, SgHullDescriptor, SgHullInput, SgHullView,
+    SgHull, SgHullDescriptor, SgHullInput,
     bound::GathererBinding,
     gatherer::{Gatherer, PolygonLight},
+    params::{HullSegment, HullVertex, SgHullCounts},
     settings::{Components, SgHullSettings, SgHullSize},
     surfels::SurfelLight,
+    view::SgHullView,
 };
 pub use shaders::{Shader, shaders};
 pub use shell_splatter::{

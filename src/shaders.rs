@@ -33,7 +33,7 @@ const PASSES: &[List] = &[
     soft_shadows::list,
     screen_space_gi::list,
     reflective_shadow_map::list,
-    sg_hull::list,
+    sg_hull::modules::list,
     depth_moments::list,
     volumetric_obscurance::list,
 ];

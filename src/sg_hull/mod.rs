@@ -1,43 +1,48 @@
 //! Light gathered on a sparse hull of what is seen (Meder and Brüderlin, *Screen Space Approximate Gaussian Hulls*, 2018;
 //! `wgsl/sg_hull*.wgsl`).
 
+mod bindings;
 pub(crate) mod bound;
+mod exact;
 pub(crate) mod gatherer;
+pub(crate) mod modules;
 pub(crate) mod params;
+mod picture;
+mod pipelines;
+mod plan;
+mod recording;
 pub(crate) mod settings;
+mod split;
+mod stages;
 pub(crate) mod surfels;
+pub(crate) mod view;
 
 use std::borrow::Cow;
 
 use glam::DVec3;
-use wgpu::{
-    BindGroup, BindGroupLayout, BindingType, Buffer, BufferUsages, CommandEncoder, ComputePass,
-    ComputePipeline, Device, PipelineCache, RenderPipeline, ShaderStages, TextureFormat,
-    TextureView,
-};
+use wgpu::{CommandEncoder, Device, PipelineCache, TextureFormat};
 
-pub use self::params::{HullSegment, HullVertex, SgHullCounts};
 use self::{
-    bound::{GathererBinding, check_origin},
+    bound::GathererBinding,
+    exact::Exact,
     gatherer::Gatherer,
-    params::SgHullParams,
+    modules::{HullStage, HullVariant},
+    picture::Picture,
+    pipelines::Maker,
+    plan::Plans,
     settings::{Components, SgHullSettings, SgHullSize},
+    split::Splitter,
+    stages::Stages,
+    view::SgHullView,
 };
 use crate::{
     camera::Camera,
     error::Error,
-    gbuffer::{GBuffer, check_roughness},
-    gpu::{
-        Kernel, Timestamps,
-        binding::{self, FLOAT_2D, READ, UINT_2D, UNIFORM, WRITE, view, whole},
-        check_timestamps, first_pass,
-        preprocess::Module,
-        screen, shader, storage, uniform,
-    },
+    gbuffer::GBuffer,
+    gpu::{Timestamps, first_pass, screen},
     overrides::check_constants,
-    receivers::{Receivers, ReceiversPass, check_view_size, plane_bytes},
-    shaders::{Listing, name_of},
-    texture_slice::{TextureSlice, check_apart},
+    receivers::ReceiversPass,
+    texture_slice::TextureSlice,
 };
 
 const LABEL: &str = "deep-screen-space hull";
@@ -47,8 +52,8 @@ const LABEL: &str = "deep-screen-space hull";
 /// The cost of a [`Gatherer`] is paid at some thousand vertices whatever the resolution, and each pixel's own normal still
 /// shades it. Light has to vary little over a quad, and to be told by one lobe a colour channel where normals vary. Quads
 /// where it is not so are found ([`SgHullSettings::misfit`]) and split, or light is gathered at each of their pixels: cost
-/// grows with fine shadows, thin things and relief, rather than error. What is lit from more than 30° below the plane of its quad's
-/// corners, and shows in none of them, is not found.
+/// grows with fine shadows, thin things and relief, rather than error. What is lit from more than 30° below the plane of its
+/// quad's corners, and shows in none of them, is not found.
 ///
 /// # Glossy surfaces
 /// With [`SgHullDescriptor::glossy`] a pixel reflects a second, narrow lobe besides: that of a Trowbridge-Reitz (GGX) surface
@@ -73,9 +78,10 @@ const LABEL: &str = "deep-screen-space hull";
 /// high one the Gaussian, which has not GGX's tails, and Fresnel's factor at grazing views. Directional light is
 /// off by the Gaussian alone.
 ///
-/// Quads are not judged by it, and not split but gathered at each pixel: where it varies within one, [`SgHullSettings::misfit`] finds what the diffuse light betrays.
-/// That of 0 has light gathered at each pixel, for both lobes. At a roughness of 0.2 the picture of a colonnade is 3.5 % off
-/// the one gathered at every pixel, and 1.0 % without gloss (`cargo run --example hull -- colonnade 320x240 --glossy 0.2`).
+/// Quads are not judged by it, and not split but gathered at each pixel: where it varies within one,
+/// [`SgHullSettings::misfit`] finds what the diffuse light betrays. That of 0 has light gathered at each pixel, for both lobes.
+/// At a roughness of 0.2 the picture of a colonnade is 3.5 % off the one gathered at every pixel, and 1.0 % without gloss
+/// (`cargo run --example hull -- colonnade 320x240 --glossy 0.2`).
 ///
 /// Holds pipelines only, for one gatherer and one target format; one serves any number of views.
 #[derive(Debug)]
@@ -85,41 +91,13 @@ pub struct SgHull {
     /// The gatherer's.
     source: Cow<'static, str>,
     bound: bool,
-    segment_layout: BindGroupLayout,
-    plan_layout: BindGroupLayout,
-    place_layout: BindGroupLayout,
-    gather_layout: BindGroupLayout,
-    judge_layout: BindGroupLayout,
-    split: Option<SplitPipelines>,
-    pixels_layout: BindGroupLayout,
-    shade_layout: BindGroupLayout,
-    exact_layout: BindGroupLayout,
-    points_layout: BindGroupLayout,
     receivers: ReceiversPass,
-    segment: ComputePipeline,
-    plans: [ComputePipeline; 7],
-    place: ComputePipeline,
-    gather: ComputePipeline,
-    mean: ComputePipeline,
-    judge: ComputePipeline,
-    list: ComputePipeline,
-    pixels: ComputePipeline,
-    shade: RenderPipeline,
-    shade_flat: RenderPipeline,
-    clear_sky: RenderPipeline,
-    points: RenderPipeline,
-    exact: RenderPipeline,
-}
-
-/// What splits quads that do not fit: without gloss, of which parts know nothing.
-#[derive(Debug)]
-struct SplitPipelines {
-    layout: BindGroupLayout,
-    gather_layout: BindGroupLayout,
-    place: ComputePipeline,
-    gather: ComputePipeline,
-    divide: ComputePipeline,
-    draw: RenderPipeline,
+    plans: Plans,
+    stages: Stages,
+    /// Without gloss.
+    splitter: Option<Splitter>,
+    picture: Picture,
+    exact: Exact,
 }
 
 /// What a [`SgHull`] is compiled for.
@@ -138,75 +116,6 @@ pub struct SgHullDescriptor<'a> {
     pub components: Components,
     /// The caller's cache, if any.
     pub cache: Option<&'a PipelineCache>,
-}
-
-/// The buffers of one view.
-#[derive(Debug)]
-pub struct SgHullView {
-    size: SgHullSize,
-    receivers: Receivers,
-    segment_of: Buffer,
-    /// Pixels that are another surface than their texel's middle.
-    others: Buffer,
-    segments: Buffer,
-    vertices: Buffer,
-    /// `Gathering`s: the vertices to gather at.
-    list: Buffer,
-    /// Quads that do not fit, and parts of them, to be split in four.
-    splits: Buffer,
-    /// Parts that fit.
-    parts: Buffer,
-    /// Quads and parts whose light is gathered at each pixel.
-    misfits: Buffer,
-    /// Their pixels.
-    exact: Buffer,
-    counts: Buffer,
-    /// Arguments of one dispatch after another. A kernel cannot write the buffer that its own come from.
-    dispatch: Buffer,
-}
-
-impl SgHullView {
-    /// What it was made for.
-    pub fn size(&self) -> SgHullSize {
-        self.size
-    }
-
-    /// One [`SgHullCounts`] (usage `COPY_SRC`).
-    pub fn counts(&self) -> &Buffer {
-        &self.counts
-    }
-
-    /// The segment of each pixel, a `u32` each, rows from the top; `0xffff_ffff` for the sky (usage `COPY_SRC`).
-    pub fn segment_of(&self) -> &Buffer {
-        &self.segment_of
-    }
-
-    /// The segments, [`HullSegment`]s of 48 bytes: first those counted as [`SgHullCounts::segments`], then, from
-    /// [`SgHullSize::segments`] on, those of last resort (usage `COPY_SRC`).
-    pub fn segments(&self) -> &Buffer {
-        &self.segments
-    }
-
-    /// Four [`HullVertex`]es of 96 bytes a quad, without gaps (usage `COPY_SRC`).
-    pub fn vertices(&self) -> &Buffer {
-        &self.vertices
-    }
-
-    /// GPU memory that it owns, bytes.
-    pub fn memory_bytes(&self) -> u64 {
-        plane_bytes(TextureFormat::Rgba32Uint, self.receivers.size, 1)
-            + self.segment_of.size()
-            + self.others.size()
-            + self.segments.size()
-            + self.vertices.size()
-            + self.list.size()
-            + self.splits.size()
-            + self.parts.size()
-            + self.misfits.size()
-            + self.exact.size()
-            + self.counts.size()
-            + self.dispatch.size()
-    }
 }
 
 /// What one recording of the [`SgHull`] works on.
@@ -237,248 +146,32 @@ impl SgHull {
     ///
     /// # Errors
     /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats, [`Error::Effect`] where the
-    /// gatherer's source has a malformed directive or not the constants that are given. WGSL that does not compile is wgpu's own validation error.
+    /// gatherer's source has a malformed directive or not the constants that are given. WGSL that does not compile is wgpu's
+    /// own validation error.
     pub fn new(device: &Device, descriptor: &SgHullDescriptor<'_>) -> Result<Self, Error> {
         let SgHullDescriptor {
             gatherer,
             target,
-            albedo,
             glossy,
-            components,
             cache,
+            ..
         } = *descriptor;
         check_constants(&gatherer.label, &gatherer.source, &gatherer.constants)?;
-        let variant = HullVariant { albedo, glossy };
         screen::check_format(device, "SgHull target", target)?;
-        let (compute, fragment) = (ShaderStages::COMPUTE, ShaderStages::FRAGMENT);
-        let drawing = ShaderStages::VERTEX_FRAGMENT;
-        // What a surface reflects depends on.
-        let with_surface = |mut entries: Vec<(u32, BindingType)>| {
-            entries.extend(albedo.then_some((6, FLOAT_2D)));
-            entries.extend(glossy.then_some((7, FLOAT_2D)));
-            entries
-        };
-        let shared = [(0, UNIFORM), (1, UINT_2D)];
-        let layout = |stages, entries: &[(u32, BindingType)]| {
-            binding::layout(device, LABEL, stages, entries)
-        };
-        let list = |entries: &[(u32, BindingType)]| [&shared[..], entries].concat();
-        let segment_layout = layout(
-            compute,
-            &list(&[(2, WRITE), (3, WRITE), (4, WRITE), (5, WRITE)]),
-        );
-        let plan_layout = layout(compute, &[(0, UNIFORM), (1, WRITE), (2, WRITE)]);
-        let read = [(2, READ), (3, READ), (4, READ)];
-        let place_layout = layout(
-            compute,
-            &list(&[(2, READ), (3, READ), (4, WRITE), (5, WRITE), (6, WRITE)]),
-        );
-        let gather_layout = layout(compute, &[(0, UNIFORM), (1, READ), (2, READ), (3, WRITE)]);
-        let judge_layout = layout(
-            compute,
-            &[
-                (0, UNIFORM),
-                (2, READ),
-                (3, READ),
-                (4, WRITE),
-                (5, WRITE),
-                (6, READ),
-                (7, WRITE),
-                (8, WRITE),
-                (9, WRITE),
-            ],
-        );
-        let mut shading = with_surface([&list(&read)[..], &[(5, READ)]].concat());
-        shading.extend((!glossy).then_some((8, READ)));
-        let shade_layout = layout(drawing, &shading);
-        let exact_layout = layout(fragment, &with_surface(shared.to_vec()));
-        // Points are drawn with irradiance, or with what is reflected where that is more than albedo times irradiance.
-        let mut pixels = list(&[(2, READ), (3, WRITE)]);
-        let mut points = vec![(0, UNIFORM), (4, READ)];
-        if glossy {
-            pixels = with_surface(pixels);
-        } else {
-            points = with_surface(points);
-        }
-        let pixels_layout = layout(compute, &pixels);
-        let points_layout = layout(drawing, &points);
-
-        let module = |stage| -> Result<_, Error> {
-            Ok(shader::create(
-                device,
-                LABEL,
-                source(&gatherer.source, stage, variant)?,
-            ))
-        };
-        let constants: Vec<(&str, f64)> = gatherer
-            .constants
-            .iter()
-            .map(|(k, v)| (k.as_str(), *v))
-            .collect();
-        let kernel = |module: &wgpu::ShaderModule,
-                      entry,
-                      layouts: &[&BindGroupLayout],
-                      constants: &[(&str, f64)]| {
-            Kernel {
-                label: LABEL,
-                module,
-                entry,
-                layouts,
-                constants,
-                cache,
-            }
-            .create(device)
-        };
-        let propagate = f64::from(u8::from(components == Components::Propagation));
-        let draw = |module: &wgpu::ShaderModule,
-                    [vertex, fragment]: [&str; 2],
-                    topology,
-                    layouts: &[&BindGroupLayout],
-                    constants: &[(&str, f64)]| {
-            screen::Drawing {
-                label: LABEL,
-                module,
-                vertex,
-                fragment,
-                layouts,
-                constants,
-                topology,
-                target,
-                cache,
-            }
-            .create(device)
-        };
-        let shade_module = module(HullStage::Shade)?;
-        let gather_module = module(HullStage::Gather)?;
-        let plan_module = module(HullStage::Plan)?;
-        let judge_module = module(HullStage::Judge)?;
-        let exact_module = module(HullStage::Exact)?;
-        let (strip, triangles, points) = (
-            wgpu::PrimitiveTopology::TriangleStrip,
-            wgpu::PrimitiveTopology::TriangleList,
-            wgpu::PrimitiveTopology::PointList,
-        );
-        let split = if glossy {
-            None
-        } else {
-            let module = module(HullStage::Split)?;
-            let layout = layout(
-                compute,
-                &list(&[
-                    (2, READ),
-                    (3, READ),
-                    (4, WRITE),
-                    (5, WRITE),
-                    (6, WRITE),
-                    (7, WRITE),
-                ]),
-            );
-            let gather_layout = binding::layout(
-                device,
-                LABEL,
-                compute,
-                &[(0, UNIFORM), (1, READ), (4, WRITE)],
-            );
-            Some(SplitPipelines {
-                place: kernel(&module, "place_points", &[&layout], &[]),
-                gather: kernel(
-                    &gather_module,
-                    "gather_points",
-                    &with_gatherer(gatherer, &gather_layout),
-                    &constants,
-                ),
-                divide: kernel(&module, "divide", &[&layout], &[]),
-                draw: draw(
-                    &shade_module,
-                    ["part_corner", "shade_flat"],
-                    strip,
-                    &[&shade_layout],
-                    &[],
-                ),
-                layout,
-                gather_layout,
-            })
-        };
-        let judging = |entry| kernel(&judge_module, entry, &[&judge_layout], &[]);
+        let make = Maker::new(device, descriptor);
+        let gather = make.module(HullStage::Gather)?;
+        let splitter = (!glossy).then(|| Splitter::new(&make, &gather));
         Ok(Self {
             target,
-            variant,
+            variant: make.variant,
             source: gatherer.source.clone(),
             bound: gatherer.layout.is_some(),
             receivers: ReceiversPass::new(device, cache)?,
-            segment: kernel(
-                &module(HullStage::Segment)?,
-                "segment",
-                &[&segment_layout],
-                &[("PROPAGATE", propagate)],
-            ),
-            plans: Plan::ALL.map(|plan| kernel(&plan_module, plan.entry(), &[&plan_layout], &[])),
-            place: kernel(
-                &module(HullStage::Place)?,
-                "place_vertices",
-                &[&place_layout],
-                &[],
-            ),
-            gather: kernel(
-                &gather_module,
-                "gather_vertices",
-                &with_gatherer(gatherer, &gather_layout),
-                &constants,
-            ),
-            mean: judging("mean"),
-            judge: judging("judge"),
-            list: judging("list_pixels"),
-            pixels: kernel(
-                &exact_module,
-                "gather_pixels",
-                &with_gatherer(gatherer, &pixels_layout),
-                &constants,
-            ),
-            shade: draw(
-                &shade_module,
-                ["corner", "shade"],
-                strip,
-                &[&shade_layout],
-                &[],
-            ),
-            shade_flat: draw(
-                &shade_module,
-                ["flat_corner", "shade_flat"],
-                strip,
-                &[&shade_layout],
-                &[],
-            ),
-            clear_sky: draw(
-                &shade_module,
-                ["cover", "clear_sky"],
-                triangles,
-                &[&shade_layout],
-                &[],
-            ),
-            points: draw(
-                &exact_module,
-                ["point", "draw_point"],
-                points,
-                &[&points_layout],
-                &[],
-            ),
-            exact: draw(
-                &exact_module,
-                ["cover", "exact"],
-                triangles,
-                &with_gatherer(gatherer, &exact_layout),
-                &constants,
-            ),
-            segment_layout,
-            plan_layout,
-            place_layout,
-            gather_layout,
-            judge_layout,
-            split,
-            pixels_layout,
-            shade_layout,
-            exact_layout,
-            points_layout,
+            plans: Plans::new(&make)?,
+            stages: Stages::new(&make, &gather)?,
+            splitter: splitter.transpose()?,
+            picture: Picture::new(&make)?,
+            exact: Exact::new(&make)?,
         })
     }
 
@@ -487,65 +180,7 @@ impl SgHull {
     /// # Errors
     /// [`Error::Setting`] for a size out of range, [`Error::Limit`] for one beyond the device's.
     pub fn create_view(&self, device: &Device, size: SgHullSize) -> Result<SgHullView, Error> {
-        size.validate()?;
-        check_view_size(device, LABEL, [size.width, size.height])?;
-        let capacity = u64::from(size.capacity());
-        let splits = if self.split.is_some() {
-            u64::from(size.splits)
-        } else {
-            0
-        };
-        let buffer =
-            |label, bytes, usage| storage(device, label, bytes, usage | BufferUsages::COPY_SRC);
-        let none = BufferUsages::empty();
-        let pixels = 4 * u64::from(size.width) * u64::from(size.height);
-        Ok(SgHullView {
-            size,
-            receivers: Receivers::new(device, [size.width, size.height])?,
-            segment_of: buffer("deep-screen-space hull pixels", pixels, none)?,
-            others: buffer("deep-screen-space hull others", pixels, none)?,
-            segments: buffer(
-                "deep-screen-space hull segments",
-                capacity * size_of::<HullSegment>() as u64,
-                none,
-            )?,
-            vertices: buffer(
-                "deep-screen-space hull vertices",
-                4 * capacity * size_of::<HullVertex>() as u64,
-                none,
-            )?,
-            list: buffer("deep-screen-space hull list", 4 * capacity * 8, none)?,
-            splits: buffer(
-                "deep-screen-space hull splits",
-                splits.max(1) * SPLIT_BYTES,
-                none,
-            )?,
-            parts: buffer(
-                "deep-screen-space hull parts",
-                4 * splits.max(1) * PART_BYTES,
-                none,
-            )?,
-            misfits: buffer(
-                "deep-screen-space hull misfits",
-                (capacity + 4 * splits) * MISFIT_BYTES,
-                none,
-            )?,
-            exact: buffer(
-                "deep-screen-space hull exact",
-                u64::from(size.exact) * 16,
-                none,
-            )?,
-            dispatch: buffer(
-                "deep-screen-space hull dispatch",
-                16,
-                BufferUsages::INDIRECT,
-            )?,
-            counts: buffer(
-                "deep-screen-space hull counts",
-                size_of::<SgHullCounts>() as u64,
-                BufferUsages::INDIRECT | BufferUsages::COPY_DST,
-            )?,
-        })
+        SgHullView::new(device, size, self.splitter.is_some())
     }
 
     /// Records the hull and the picture.
@@ -565,135 +200,17 @@ impl SgHull {
         settings: &SgHullSettings,
         hull: &SgHullView,
     ) -> Result<(), Error> {
-        let (params, surface) = self.prepare(device, encoder, input, settings, hull)?;
-        let surface: Vec<_> = surface.iter().map(|(at, v)| (*at, view(v))).collect();
+        let recording = self.prepare(device, encoder, input, settings, hull)?;
         encoder.clear_buffer(&hull.counts, 0, None);
-        let shared = [(0, whole(&params)), (1, view(&hull.receivers.view))];
-        let group = |layout, entries: &[_]| {
-            binding::group(device, LABEL, layout, &[&shared[..], entries].concat())
-        };
-        let buffers = [
-            (2, whole(&hull.segment_of)),
-            (3, whole(&hull.segments)),
-            (4, whole(&hull.counts)),
-        ];
-        let segment = group(
-            &self.segment_layout,
-            &[&buffers[..], &[(5, whole(&hull.others))]].concat(),
-        );
-        let plan_group = binding::group(
-            device,
-            LABEL,
-            &self.plan_layout,
-            &[
-                (0, whole(&params)),
-                (1, whole(&hull.counts)),
-                (2, whole(&hull.dispatch)),
-            ],
-        );
-        let vertices = [&buffers[..], &[(5, whole(&hull.vertices))]].concat();
-        let place = group(
-            &self.place_layout,
-            &[&vertices[..], &[(6, whole(&hull.list))]].concat(),
-        );
-        let alone = |layout, entries: &[_]| binding::group(device, LABEL, layout, entries);
-        let gather = alone(
-            &self.gather_layout,
-            &[
-                (0, whole(&params)),
-                (1, whole(&hull.counts)),
-                (2, whole(&hull.list)),
-                (3, whole(&hull.vertices)),
-            ],
-        );
-        let listed = [
-            (6, whole(&hull.list)),
-            (7, whole(&hull.misfits)),
-            (8, whole(&hull.exact)),
-            (9, whole(&hull.splits)),
-        ];
-        let judge = alone(
-            &self.judge_layout,
-            &[&[(0, whole(&params))], &vertices[..], &listed].concat(),
-        );
-        let mut pixels = vec![(2, whole(&hull.counts)), (3, whole(&hull.exact))];
-        let mut points = vec![(0, whole(&params)), (4, whole(&hull.exact))];
-        if self.variant.glossy {
-            pixels.extend(surface.clone());
-        } else {
-            points.extend(surface.clone());
-        }
-        let pixels = group(&self.pixels_layout, &pixels);
-        let [columns, rows] = hull.size.tiles();
-        let mut pass = first_pass(encoder, LABEL, input.timestamps);
-        pass.set_pipeline(&self.segment);
-        pass.set_bind_group(0, &segment, &[]);
-        pass.dispatch_workgroups(columns, rows, 1);
-        let run =
-            |pass: &mut ComputePass<'_>, plan: Plan, kernels: &[(&ComputePipeline, &BindGroup)]| {
-                pass.set_pipeline(&self.plans[plan as usize]);
-                pass.set_bind_group(0, &plan_group, &[]);
-                pass.dispatch_workgroups(1, 1, 1);
-                for (kernel, group) in kernels {
-                    pass.set_pipeline(kernel);
-                    pass.set_bind_group(0, *group, &[]);
-                    if let Some(lights) = input.gather {
-                        pass.set_bind_group(1, &lights.group, &[]);
-                    }
-                    pass.dispatch_workgroups_indirect(&hull.dispatch, 0);
-                }
-            };
         // Where no quad can be split there is nothing to do.
-        let split = self.split.as_ref();
-        let split = split.filter(|_| hull.size.splits > 0 && settings.misfit > 0.0);
-        run(&mut pass, Plan::Vertices, &[(&self.place, &place)]);
-        run(&mut pass, Plan::Gather, &[(&self.gather, &gather)]);
-        pass.set_pipeline(&self.mean);
-        pass.set_bind_group(0, &judge, &[]);
-        pass.dispatch_workgroups(1, 1, 1);
-        run(&mut pass, Plan::Judge, &[(&self.judge, &judge)]);
-        if let Some(split) = split {
-            let points = group(
-                &split.layout,
-                &[
-                    &buffers[..],
-                    &[
-                        (5, whole(&hull.splits)),
-                        (6, whole(&hull.parts)),
-                        (7, whole(&hull.misfits)),
-                    ],
-                ]
-                .concat(),
-            );
-            let light = alone(
-                &split.gather_layout,
-                &[
-                    (0, whole(&params)),
-                    (1, whole(&hull.counts)),
-                    (4, whole(&hull.splits)),
-                ],
-            );
-            for _ in 0..split_rounds(settings, &hull.size) {
-                run(
-                    &mut pass,
-                    Plan::Points,
-                    &[(&split.place, &points), (&split.gather, &light)],
-                );
-                run(&mut pass, Plan::Divide, &[(&split.divide, &points)]);
-            }
-            // The parts that the last round found.
-            run(&mut pass, Plan::Points, &[]);
-        }
-        run(&mut pass, Plan::List, &[(&self.list, &judge)]);
-        run(&mut pass, Plan::Pixels, &[(&self.pixels, &pixels)]);
+        let splitter = self.splitter.as_ref();
+        let splitter = splitter.filter(|_| hull.size.splits > 0 && settings.misfit > 0.0);
+        let planned = self.plans.of(&recording);
+        let mut pass = first_pass(encoder, LABEL, input.timestamps);
+        self.stages.record(&mut pass, &planned, splitter);
+        self.exact.gather(&mut pass, &planned);
         drop(pass);
 
-        let parts = self.split.as_ref().map(|_| (8, whole(&hull.parts)));
-        let shade = group(
-            &self.shade_layout,
-            &[vertices, surface, parts.into_iter().collect()].concat(),
-        );
-        let points = alone(&self.points_layout, &points);
         let mut pass = screen::begin(
             encoder,
             LABEL,
@@ -702,34 +219,13 @@ impl SgHull {
             input.timestamps,
             false,
         );
-        pass.set_bind_group(0, &shade, &[]);
-        pass.set_pipeline(&self.clear_sky);
-        pass.draw(0..3, 0..1);
-        for pipeline in [&self.shade, &self.shade_flat] {
-            pass.set_pipeline(pipeline);
-            pass.draw_indirect(
-                &hull.counts,
-                std::mem::offset_of!(SgHullCounts, draw) as u64,
-            );
-        }
-        if let Some(split) = split {
-            pass.set_pipeline(&split.draw);
-            pass.draw_indirect(
-                &hull.counts,
-                std::mem::offset_of!(SgHullCounts, parts) as u64,
-            );
-        }
-        pass.set_bind_group(0, &points, &[]);
-        pass.set_pipeline(&self.points);
-        pass.draw_indirect(
-            &hull.counts,
-            std::mem::offset_of!(SgHullCounts, points) as u64,
-        );
+        self.picture.draw(&mut pass, &recording, splitter.is_some());
+        self.exact.draw_points(&mut pass, &recording);
         Ok(())
     }
 
-    /// Records the picture with the light gathered at every pixel: what the hull approximates, at the cost that it saves. Of the settings
-    /// only [`SgHullSettings::f0`] matters.
+    /// Records the picture with the light gathered at every pixel: what the hull approximates, at the cost that it saves. Of
+    /// the settings only [`SgHullSettings::f0`] matters.
     ///
     /// # Errors
     /// As [`SgHull::record`].
@@ -741,11 +237,7 @@ impl SgHull {
         settings: &SgHullSettings,
         hull: &SgHullView,
     ) -> Result<(), Error> {
-        let (params, surface) = self.prepare(device, encoder, input, settings, hull)?;
-        let surface: Vec<_> = surface.iter().map(|(at, v)| (*at, view(v))).collect();
-        let mut resources = vec![(0, whole(&params)), (1, view(&hull.receivers.view))];
-        resources.extend(surface);
-        let group = binding::group(device, LABEL, &self.exact_layout, &resources);
+        let recording = self.prepare(device, encoder, input, settings, hull)?;
         let mut pass = screen::begin(
             encoder,
             LABEL,
@@ -754,264 +246,7 @@ impl SgHull {
             input.timestamps,
             true,
         );
-        pass.set_pipeline(&self.exact);
-        pass.set_bind_group(0, &group, &[]);
-        if let Some(group) = input.gather {
-            pass.set_bind_group(1, &group.group, &[]);
-        }
-        pass.draw(0..3, 0..1);
+        self.exact.draw_all(&mut pass, &recording);
         Ok(())
     }
-
-    /// Checks the input, records its receivers and makes the parameters, and what is bound of the surfaces' reflectance.
-    fn prepare(
-        &self,
-        device: &Device,
-        encoder: &mut CommandEncoder,
-        input: &SgHullInput<'_>,
-        settings: &SgHullSettings,
-        hull: &SgHullView,
-    ) -> Result<(Buffer, Vec<(u32, TextureView)>), Error> {
-        const TARGET: &str = "SgHullInput::target";
-        settings.validate()?;
-        check_timestamps(input.timestamps)?;
-        let viewport = input.camera.viewport();
-        input.gbuffer.validate(viewport)?;
-        screen::check_target(TARGET, &input.target, viewport, self.target)?;
-        let mismatch = |name, found: String, needed: String| {
-            Err(Error::Mismatch {
-                name,
-                found,
-                needed,
-            })
-        };
-        let HullVariant { albedo, glossy } = self.variant;
-        if albedo && input.gbuffer.albedo.is_none() {
-            return mismatch(
-                "GBuffer",
-                "no albedo".into(),
-                "one, for SgHullDescriptor::albedo".into(),
-            );
-        }
-        let roughness = check_roughness(
-            "SgHullInput::roughness",
-            input.roughness,
-            glossy.then_some("SgHullDescriptor::glossy"),
-            viewport,
-        )?;
-        let read = input.roughness.map(|r| ("SgHullInput::roughness", r, 1));
-        check_apart(TARGET, &input.target, input.gbuffer.reads().chain(read))?;
-        if self.bound != input.gather.is_some() {
-            return mismatch(
-                "SgHullInput::gather",
-                if self.bound {
-                    "nothing"
-                } else {
-                    "a bind group"
-                }
-                .into(),
-                "what the gatherer's layout is for".into(),
-            );
-        }
-        check_origin("SgHullInput::origin", input.origin)?;
-        if let Some(gather) = input.gather {
-            gather.check(&self.source, input.origin)?;
-        }
-        if hull.receivers.size != [viewport.width, viewport.height] {
-            return mismatch(
-                "SgHullView",
-                format!("{:?} pixels", hull.receivers.size),
-                format!("{:?} pixels", [viewport.width, viewport.height]),
-            );
-        }
-        self.receivers.record(
-            device,
-            encoder,
-            &input.gbuffer,
-            input.camera,
-            input.origin,
-            &hull.receivers,
-        );
-        let params = uniform(
-            device,
-            LABEL,
-            &SgHullParams::new(
-                settings,
-                &hull.size,
-                input.camera,
-                input.origin,
-                if self.split.is_some() {
-                    hull.size.splits
-                } else {
-                    0
-                },
-            ),
-        );
-        let albedo = input.gbuffer.albedo.filter(|_| albedo);
-        let surface = [
-            albedo.map(|slice| (6, slice.read())),
-            roughness.map(|slice| (7, slice.read())),
-        ];
-        Ok((params, surface.into_iter().flatten().collect()))
-    }
-}
-
-/// The layouts of a pipeline that gathers.
-fn with_gatherer<'a>(
-    gatherer: &'a Gatherer,
-    layout: &'a BindGroupLayout,
-) -> Vec<&'a BindGroupLayout> {
-    [layout].into_iter().chain(&gatherer.layout).collect()
-}
-
-/// Bytes of `Split`, `Part` (`wgsl/common/sg_hull_split.wgsl`) and `Misfit` (`wgsl/common/sg_hull.wgsl`).
-pub(crate) const SPLIT_BYTES: u64 = 240;
-pub(crate) const PART_BYTES: u64 = 80;
-pub(crate) const MISFIT_BYTES: u64 = 16;
-
-/// Rounds until no part of a quad is wide enough to be split.
-fn split_rounds(settings: &SgHullSettings, size: &SgHullSize) -> u32 {
-    const SPLIT_SIDE: u32 = 4;
-    // Pixels of a texel beside a quad's own may be of its segment.
-    let mut side = (settings.quad + 2) * size.texel();
-    let mut rounds = 0;
-    while side >= SPLIT_SIDE {
-        side = side.div_ceil(2);
-        rounds += 1;
-    }
-    rounds
-}
-
-/// The kernels of `wgsl/sg_hull_plan.wgsl`, by what they plan.
-#[derive(Clone, Copy, Debug)]
-enum Plan {
-    Vertices,
-    Gather,
-    Judge,
-    Points,
-    Divide,
-    List,
-    Pixels,
-}
-
-impl Plan {
-    const ALL: [Self; 7] = [
-        Self::Vertices,
-        Self::Gather,
-        Self::Judge,
-        Self::Points,
-        Self::Divide,
-        Self::List,
-        Self::Pixels,
-    ];
-
-    fn entry(self) -> &'static str {
-        match self {
-            Self::Vertices => "plan_vertices",
-            Self::Gather => "plan_gather",
-            Self::Judge => "plan_judge",
-            Self::Points => "plan_points",
-            Self::Divide => "plan_divide",
-            Self::List => "plan_list",
-            Self::Pixels => "plan_pixels",
-        }
-    }
-}
-
-/// The modules that a hull is made of.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum HullStage {
-    Segment,
-    Plan,
-    Place,
-    Gather,
-    Judge,
-    Split,
-    Shade,
-    Exact,
-}
-
-/// What a surface reflects depends on.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct HullVariant {
-    pub(crate) albedo: bool,
-    pub(crate) glossy: bool,
-}
-
-/// Assembles one of them.
-fn source(gatherer: &str, stage: HullStage, variant: HullVariant) -> Result<String, Error> {
-    let (name, text) = match stage {
-        HullStage::Segment => (
-            "sg_hull_segment",
-            include_str!("../../wgsl/sg_hull_segment.wgsl"),
-        ),
-        HullStage::Plan => ("sg_hull_plan", include_str!("../../wgsl/sg_hull_plan.wgsl")),
-        HullStage::Place => (
-            "sg_hull_place",
-            include_str!("../../wgsl/sg_hull_place.wgsl"),
-        ),
-        HullStage::Judge => (
-            "sg_hull_judge",
-            include_str!("../../wgsl/sg_hull_judge.wgsl"),
-        ),
-        HullStage::Split => (
-            "sg_hull_split",
-            include_str!("../../wgsl/sg_hull_split.wgsl"),
-        ),
-        HullStage::Gather => (
-            "sg_hull_gather",
-            include_str!("../../wgsl/sg_hull_gather.wgsl"),
-        ),
-        HullStage::Shade => ("sg_hull", include_str!("../../wgsl/sg_hull.wgsl")),
-        HullStage::Exact => (
-            "sg_hull_exact",
-            include_str!("../../wgsl/sg_hull_exact.wgsl"),
-        ),
-    };
-    let flags: Vec<&str> = [(variant.albedo, "ALBEDO"), (variant.glossy, "GLOSSY")]
-        .into_iter()
-        .filter_map(|(on, flag)| on.then_some(flag))
-        .collect();
-    let gatherer = Module {
-        name: "gatherer",
-        file: "the gatherer",
-        text: gatherer,
-    };
-    shader::assemble(name, text, &flags, &[gatherer])
-}
-
-/// Every module of the pass.
-pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
-    let plain = HullVariant::default();
-    for (name, stage) in [
-        ("sg_hull_segment", HullStage::Segment),
-        ("sg_hull_plan", HullStage::Plan),
-        ("sg_hull_place", HullStage::Place),
-        ("sg_hull_judge", HullStage::Judge),
-        ("sg_hull_split", HullStage::Split),
-    ] {
-        all.add(name, source("", stage, plain)?);
-    }
-    let gatherers = [
-        (gatherer::POLYGONS, "polygons"),
-        (gatherer::LIGHTS, "lights"),
-        (surfels::SURFELS, "surfels"),
-    ];
-    for (gatherer, name) in gatherers {
-        let source = source(gatherer, HullStage::Gather, plain)?;
-        all.add(&format!("sg_hull_gather {name}"), source);
-    }
-    for albedo in [false, true] {
-        for glossy in [false, true] {
-            let variant = HullVariant { albedo, glossy };
-            let flags = [(albedo, "albedo"), (glossy, "glossy")];
-            for (gatherer, name) in gatherers {
-                let name = name_of(&format!("sg_hull_exact {name}"), &flags);
-                all.add(&name, source(gatherer, HullStage::Exact, variant)?);
-            }
-            let name = name_of("sg_hull", &flags);
-            all.add(&name, source("", HullStage::Shade, variant)?);
-        }
-    }
-    Ok(())
 }

@@ -1,0 +1,147 @@
+//! The buffers of one view.
+
+use wgpu::{Buffer, BufferUsages, Device, TextureFormat};
+
+use super::{
+    LABEL,
+    params::{HullSegment, HullVertex, SgHullCounts},
+    settings::SgHullSize,
+};
+use crate::{
+    error::Error,
+    gpu::storage,
+    receivers::{Receivers, check_view_size, plane_bytes},
+};
+
+/// Bytes of `Split`, `Part` (`wgsl/common/sg_hull_split.wgsl`) and `Misfit` (`wgsl/common/sg_hull.wgsl`).
+pub(crate) const SPLIT_BYTES: u64 = 240;
+pub(crate) const PART_BYTES: u64 = 80;
+pub(crate) const MISFIT_BYTES: u64 = 16;
+
+/// The buffers of one view.
+#[derive(Debug)]
+pub struct SgHullView {
+    pub(super) size: SgHullSize,
+    pub(super) receivers: Receivers,
+    pub(super) segment_of: Buffer,
+    /// Pixels that are another surface than their texel's middle.
+    pub(super) others: Buffer,
+    pub(super) segments: Buffer,
+    pub(super) vertices: Buffer,
+    /// `Gathering`s: the vertices to gather at.
+    pub(super) list: Buffer,
+    /// Quads that do not fit, and parts of them, to be split in four.
+    pub(super) splits: Buffer,
+    /// Parts that fit.
+    pub(super) parts: Buffer,
+    /// Quads and parts whose light is gathered at each pixel.
+    pub(super) misfits: Buffer,
+    /// Their pixels.
+    pub(super) exact: Buffer,
+    pub(super) counts: Buffer,
+    /// Arguments of one dispatch after another. A kernel cannot write the buffer that its own come from.
+    pub(super) dispatch: Buffer,
+}
+
+impl SgHullView {
+    /// With room for splits where there are any.
+    pub(super) fn new(device: &Device, size: SgHullSize, splits: bool) -> Result<Self, Error> {
+        size.validate()?;
+        check_view_size(device, LABEL, [size.width, size.height])?;
+        let capacity = u64::from(size.capacity());
+        let splits = if splits { u64::from(size.splits) } else { 0 };
+        let buffer =
+            |label, bytes, usage| storage(device, label, bytes, usage | BufferUsages::COPY_SRC);
+        let none = BufferUsages::empty();
+        let pixels = 4 * u64::from(size.width) * u64::from(size.height);
+        Ok(Self {
+            size,
+            receivers: Receivers::new(device, [size.width, size.height])?,
+            segment_of: buffer("deep-screen-space hull pixels", pixels, none)?,
+            others: buffer("deep-screen-space hull others", pixels, none)?,
+            segments: buffer(
+                "deep-screen-space hull segments",
+                capacity * size_of::<HullSegment>() as u64,
+                none,
+            )?,
+            vertices: buffer(
+                "deep-screen-space hull vertices",
+                4 * capacity * size_of::<HullVertex>() as u64,
+                none,
+            )?,
+            list: buffer("deep-screen-space hull list", 4 * capacity * 8, none)?,
+            splits: buffer(
+                "deep-screen-space hull splits",
+                splits.max(1) * SPLIT_BYTES,
+                none,
+            )?,
+            parts: buffer(
+                "deep-screen-space hull parts",
+                4 * splits.max(1) * PART_BYTES,
+                none,
+            )?,
+            misfits: buffer(
+                "deep-screen-space hull misfits",
+                (capacity + 4 * splits) * MISFIT_BYTES,
+                none,
+            )?,
+            exact: buffer(
+                "deep-screen-space hull exact",
+                u64::from(size.exact) * 16,
+                none,
+            )?,
+            dispatch: buffer(
+                "deep-screen-space hull dispatch",
+                16,
+                BufferUsages::INDIRECT,
+            )?,
+            counts: buffer(
+                "deep-screen-space hull counts",
+                size_of::<SgHullCounts>() as u64,
+                BufferUsages::INDIRECT | BufferUsages::COPY_DST,
+            )?,
+        })
+    }
+
+    /// What it was made for.
+    pub fn size(&self) -> SgHullSize {
+        self.size
+    }
+
+    /// One [`SgHullCounts`] (usage `COPY_SRC`).
+    pub fn counts(&self) -> &Buffer {
+        &self.counts
+    }
+
+    /// The segment of each pixel, a `u32` each, rows from the top; `0xffff_ffff` for the sky (usage `COPY_SRC`).
+    pub fn segment_of(&self) -> &Buffer {
+        &self.segment_of
+    }
+
+    /// The segments, [`HullSegment`]s of 48 bytes: first those counted as [`SgHullCounts::segments`], then, from
+    /// [`SgHullSize::segments`] on, those of last resort (usage `COPY_SRC`).
+    pub fn segments(&self) -> &Buffer {
+        &self.segments
+    }
+
+    /// Four [`HullVertex`]es of 96 bytes a quad, without gaps (usage `COPY_SRC`).
+    pub fn vertices(&self) -> &Buffer {
+        &self.vertices
+    }
+
+    /// GPU memory that it owns, bytes.
+    pub fn memory_bytes(&self) -> u64 {
+        plane_bytes(TextureFormat::Rgba32Uint, self.receivers.size, 1)
+            + self.segment_of.size()
+            + self.others.size()
+            + self.segments.size()
+            + self.vertices.size()
+            + self.list.size()
+            + self.splits.size()
+            + self.parts.size()
+            + self.misfits.size()
+            + self.exact.size()
+            + self.counts.size()
+            + self.dispatch.size()
+    }
+}
