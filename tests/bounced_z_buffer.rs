@@ -68,7 +68,37 @@ fn compare(
     let odd = differing_bits(&found, &tracing.blocked());
     let blocked: u32 = found.iter().map(|word| word.count_ones()).sum();
     println!("{name}: {odd} of {rays} rays differ, {blocked} blocked");
+    // Any hit will do: none is nearer than the nearest, and where there is one it is somewhere.
+    let words = settings.directions.div_ceil(32).max(1) as usize;
+    let near: Vec<u32> = lab.gpu.read_buffer(view.nearness());
+    let most = tracing.nearness().into_iter().map(f64::from);
+    let nearer = near
+        .iter()
+        .zip(most)
+        .filter(|&(&near, most)| f64::from(near) > most + NEARNESS_OFF)
+        .count();
+    assert!(nearer <= odd as usize, "{name}: {nearer} pixels are nearer");
+    for (near, bits) in near.iter().zip(found.chunks(words)) {
+        assert_eq!(*near > 0, bits.iter().any(|word| *word > 0), "{name}");
+    }
     f64::from(odd) / rays as f64
+}
+
+/// How far a pixel's nearness may be off, where one is 2^24: of hits within the pixel itself distances are short, and positions
+/// rounded to 1e-6 of theirs.
+const NEARNESS_OFF: f64 = 2e-4 * 16_777_216.0;
+
+/// How far nearness is off the mirror's, which is that of nearest hits: the share of pixels that are off by more than
+/// [`NEARNESS_OFF`].
+fn compare_nearness(name: &str, view: &BouncedView, tracing: &Tracing<'_>) -> f64 {
+    let found: Vec<u32> = lab().gpu.read_buffer(view.nearness());
+    let expected = tracing.nearness();
+    let off = |(a, b): (&u32, &u32)| (f64::from(*a) - f64::from(*b)).abs();
+    let odd = found.iter().zip(&expected).map(off);
+    let worst = odd.clone().fold(0.0, f64::max) / 16_777_216.0;
+    let odd = odd.filter(|&off| off > NEARNESS_OFF).count();
+    println!("{name}: nearness of {odd} pixels differs, worst by {worst:.1e}");
+    odd as f64 / found.len() as f64
 }
 
 /// The same for colours, with a radiance of its own for each surfel.
@@ -118,6 +148,10 @@ fn compare_colors(
         "{name}: {odd} of {rays} colours differ, {:?}",
         senders.counts
     );
+    // A pixel is odd where one of its rays is.
+    let odd_pixels = compare_nearness(name, &view, &tracing);
+    let allowed = ODD_RAYS * f64::from(settings.directions);
+    assert!(odd_pixels <= allowed, "{name}: {odd_pixels}");
     odd as f64 / rays as f64
 }
 

@@ -12,8 +12,10 @@ use deep_screen_space::{
     HitReconstructorInput, HitReconstructorSettings, Light, Payload, Sampling, ShadedLight, Shadow,
     SurfelRadiance, SurfelShader, SurfelShaderInput, SurfelShaderSettings, SurfelizerSettings,
     Timestamps, Viewport,
-    glam::DVec3,
-    reference::{hit_reconstructor::HitReconstruction, packing::unpack_color, trace::Receiver},
+    glam::{DVec2, DVec3},
+    reference::{
+        self, hit_reconstructor::HitReconstruction, packing::unpack_color, trace::Receiver,
+    },
     scenes::{self, Scene},
     wgpu,
 };
@@ -140,6 +142,9 @@ fn reconstruction_is_the_mirrors() {
                             plane_distance: 0.7,
                             normal_power: 40.0,
                             deviations: 1.5,
+                            spread: f32::INFINITY,
+                            hit_distances: f32::INFINITY,
+                            damping: f32::INFINITY,
                             ..HitReconstructorSettings::default()
                         },
                     ),
@@ -165,6 +170,7 @@ fn reconstruction_is_the_mirrors() {
                             })
                             .collect()
                     };
+                    let nearness: Vec<u32> = lab.gpu.read_buffer(hits.nearness());
                     let mirror = HitReconstruction {
                         camera: &camera,
                         origin: senders.cloud.origin(),
@@ -179,8 +185,9 @@ fn reconstruction_is_the_mirrors() {
                         settings: &settings,
                         deferred,
                         incoming: &incoming,
+                        nearness: &nearness,
                     };
-                    let expected = mirror.reconstruct(&mirror.average());
+                    let expected = mirror.reconstruct(&mirror.average(), &mirror.near());
                     let found = lab.reconstruct(
                         reconstructor,
                         &shot,
@@ -617,6 +624,65 @@ fn frames_continue_each_other() {
     }
 }
 
+/// What changes steadily over a surface is kept, up to the picture's edges, where a mean leans inwards.
+#[test]
+fn steady_changes_are_kept() {
+    let scene = scenes::cornell();
+    let plain = camera_of(&scene, 0, [24, 16]);
+    let camera = Camera::look_at(
+        DVec3::Z * 3.0,
+        DVec3::ZERO,
+        DVec3::Y,
+        plain.projection(),
+        Viewport::full(24, 16),
+    )
+    .expect("a camera");
+    // A wall that pixels see three metres off, in the space of a cloud whose origin is the eye.
+    let origin = camera.eye();
+    let side = 3.0 * 2.0 / (16.0 * camera.projection().y_axis.y);
+    let place = |i: usize| DVec2::new((i % 24) as f64 - 12.0, 8.0 - (i / 24) as f64);
+    let receivers: Vec<_> = (0..24 * 16)
+        .map(|i| {
+            Some(reference::shell_splatter::Receiver {
+                position: (side * place(i)).extend(-3.0),
+                normal: DVec3::Z,
+            })
+        })
+        .collect();
+    let value = |i: usize| DVec3::splat(0.5 + place(i).dot(DVec2::new(0.02, -0.01)));
+    let incoming: Vec<DVec3> = (0..receivers.len()).map(value).collect();
+    let nearness = vec![1 << 12; receivers.len()];
+    let traced = traced(1);
+    let worst = |damping| {
+        let settings = HitReconstructorSettings {
+            damping,
+            plane_distance: 100.0,
+            ..HitReconstructorSettings::default()
+        };
+        let mirror = HitReconstruction {
+            camera: &camera,
+            origin,
+            receivers: &receivers,
+            traced: &traced,
+            payload: Payload::Occlusion,
+            sampling: Sampling::Cosine,
+            settings: &settings,
+            deferred: false,
+            incoming: &incoming,
+            nearness: &nearness,
+        };
+        let found = mirror.reconstruct(&mirror.average(), &mirror.near());
+        let off = |(i, found): (usize, &Option<DVec3>)| {
+            (found.expect("a wall") - value(i)).abs().max_element()
+        };
+        found.iter().enumerate().map(off).fold(0.0, f64::max)
+    };
+    assert!(worst(1e-9) < 1e-6, "{}", worst(1e-9));
+    let [damped, mean] = [worst(0.2), worst(f32::INFINITY)];
+    println!("worst {damped:.4} with slopes damped, {mean:.4} without slopes");
+    assert!(damped < 0.5 * mean, "{damped}, {mean}");
+}
+
 #[test]
 fn settings_out_of_range_are_typed_errors() {
     let good = HitReconstructorSettings::default();
@@ -628,10 +694,43 @@ fn settings_out_of_range_are_typed_errors() {
             deviations: 100.0,
             ..good
         },
+        HitReconstructorSettings {
+            spread: f32::INFINITY,
+            hit_distances: f32::INFINITY,
+            damping: f32::INFINITY,
+            ..good
+        },
+        HitReconstructorSettings {
+            spread: 1e-3,
+            hit_distances: 1e-3,
+            damping: 1e-6,
+            ..good
+        },
     ] {
         assert_eq!(good.validate(), Ok(()), "{good:?}");
     }
     let bad = [
+        (
+            HitReconstructorSettings {
+                spread: 0.0,
+                ..good
+            },
+            "HitReconstructorSettings::spread",
+        ),
+        (
+            HitReconstructorSettings {
+                hit_distances: f32::NAN,
+                ..good
+            },
+            "HitReconstructorSettings::hit_distances",
+        ),
+        (
+            HitReconstructorSettings {
+                damping: -1.0,
+                ..good
+            },
+            "HitReconstructorSettings::damping",
+        ),
         (
             HitReconstructorSettings { radius: 17, ..good },
             "HitReconstructorSettings::radius",
