@@ -84,9 +84,9 @@ fn compare(
     f64::from(odd) / rays as f64
 }
 
-/// How far a pixel's nearness may be off, where one is 2^24: of hits within the pixel itself distances are short, and positions
-/// rounded to 1e-6 of theirs.
-const NEARNESS_OFF: f64 = 2e-4 * 16_777_216.0;
+/// How far a pixel's nearness may be off, where one is 2^24: of hits within the pixel itself distances are short, positions are
+/// rounded to 1e-6 of theirs, and a driver's sines turn the ray. Measured at 1e-4 on lavapipe, 3e-4 on `SwiftShader`.
+const NEARNESS_OFF: f64 = 1e-3 * 16_777_216.0;
 
 /// How far nearness is off the mirror's, which is that of nearest hits: the share of pixels that are off by more than
 /// [`NEARNESS_OFF`].

@@ -89,9 +89,9 @@ fn color(c: [f32; 4]) -> DVec3 {
 }
 
 /// GPU and mirror take the same hits, and differ by f32's rounding: of a sum of a thousand terms some 1e-6 of it, and of
-/// weights that fall off steeply, or ratios of cosines near the horizon, some times that. No pixel is farther off, relative
-/// to the brightest.
-const OFF: f64 = 2e-5;
+/// weights that fall off steeply, or ratios of cosines near the horizon, some times that; and deferred, a neighbour that counts
+/// a thousandth may do so on one side alone. No pixel is farther off, relative to the brightest.
+const OFF: f64 = 6e-5;
 
 #[test]
 fn reconstruction_is_the_mirrors() {
@@ -145,6 +145,23 @@ fn reconstruction_is_the_mirrors() {
                             spread: f32::INFINITY,
                             hit_distances: f32::INFINITY,
                             damping: f32::INFINITY,
+                            ..HitReconstructorSettings::default()
+                        },
+                    ),
+                    (
+                        1,
+                        3,
+                        HitReconstructorSettings {
+                            damping: 0.01,
+                            ..HitReconstructorSettings::for_occlusion(1)
+                        },
+                    ),
+                    (
+                        2,
+                        0,
+                        HitReconstructorSettings {
+                            spread: f32::MIN_POSITIVE,
+                            hit_distances: f32::MIN_POSITIVE,
                             ..HitReconstructorSettings::default()
                         },
                     ),
@@ -677,7 +694,8 @@ fn steady_changes_are_kept() {
         };
         found.iter().enumerate().map(off).fold(0.0, f64::max)
     };
-    assert!(worst(1e-9) < 1e-6, "{}", worst(1e-9));
+    // What is left is the damping.
+    assert!(worst(0.01) < 3e-3, "{}", worst(0.01));
     let [damped, mean] = [worst(0.2), worst(f32::INFINITY)];
     println!("worst {damped:.4} with slopes damped, {mean:.4} without slopes");
     assert!(damped < 0.5 * mean, "{damped}, {mean}");
@@ -701,9 +719,9 @@ fn settings_out_of_range_are_typed_errors() {
             ..good
         },
         HitReconstructorSettings {
-            spread: 1e-3,
-            hit_distances: 1e-3,
-            damping: 1e-6,
+            spread: f32::MIN_POSITIVE,
+            hit_distances: f32::MIN_POSITIVE,
+            damping: 0.01,
             ..good
         },
     ] {
@@ -726,7 +744,7 @@ fn settings_out_of_range_are_typed_errors() {
         ),
         (
             HitReconstructorSettings {
-                damping: -1.0,
+                damping: 9e-4,
                 ..good
             },
             "HitReconstructorSettings::damping",

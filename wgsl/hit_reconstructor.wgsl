@@ -358,6 +358,9 @@ fn reconstruct(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
       if all(there == at) {
         weight = 1.0;
       }
+      if weight == 0.0 {
+        continue;
+      }
 #if DEFERRED
       // Hits in place of means, with the sum of their shares for a weight.
       var seen_there = vec3f(0.0);

@@ -32,9 +32,22 @@ pub struct HitReconstructorParams {
 /// Stands for infinity: such planes have no slope, and its square is finite in f32.
 const FLAT: f32 = 1e9;
 
-/// Unit of the plane's coordinates in pixels.
+/// More than any exponent needs, and finite times whatever it meets.
+const STEEP: f32 = 1e9;
+
+/// Of the square of a neighbour's distance in pixels.
+pub(crate) fn falloff(settings: &HitReconstructorSettings) -> f32 {
+    (0.5 / settings.spread.powi(2)).min(STEEP)
+}
+
+/// Over the mean distance of hits.
+pub(crate) fn per_hit_distance(settings: &HitReconstructorSettings) -> f32 {
+    settings.hit_distances.recip().min(STEEP)
+}
+
+/// Unit of the plane's coordinates in pixels. Of less than half a pixel nothing is in sight but the pixel itself.
 pub(crate) fn plane_unit(settings: &HitReconstructorSettings) -> f32 {
-    settings.spread.min(settings.radius.max(1) as f32)
+    settings.spread.clamp(0.5, settings.radius.max(1) as f32)
 }
 
 /// Half width of the window over which distances of hits are averaged: the fewer directions, the less one pixel knows.
@@ -66,8 +79,8 @@ impl HitReconstructorParams {
             deviations: settings.deviations,
             f0: settings.f0,
             near_radius: near_radius(bounced.directions),
-            falloff: 0.5 / settings.spread.powi(2),
-            per_hit_distance: 1.0 / settings.hit_distances,
+            falloff: falloff(settings),
+            per_hit_distance: per_hit_distance(settings),
             damping: settings.damping.min(FLAT),
             spread: plane_unit(settings),
         }

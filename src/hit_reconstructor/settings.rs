@@ -16,7 +16,7 @@ pub struct HitReconstructorSettings {
     /// the smaller counts; what is not hit is infinitely far), above 0; infinity for no such test. What two points see differs
     /// by how far they are apart in this measure. Smaller keeps contacts sharper, and leaves more noise there. Default 0.8.
     pub hit_distances: f32,
-    /// How far slopes are mistrusted, above 0: the picture is the value at the pixel of a plane fitted to the window, over
+    /// How far slopes are mistrusted, 0.01 to infinity: the picture is the value at the pixel of a plane fitted to the window, over
     /// coordinates of which one is as long as `spread`, or the window where that is narrower, and this is added to their
     /// variance. Smaller follows what changes steadily, up to the edges of surfaces, and leaves more noise there; infinity
     /// takes the window's mean. Default 0.2.
@@ -104,10 +104,15 @@ impl HitReconstructorSettings {
                 "HitReconstructorSettings::hit_distances",
                 self.hit_distances,
             ),
-            ("HitReconstructorSettings::damping", self.damping),
         ] {
             check_setting(value > 0.0, field, value, "above 0, to infinity")?;
         }
+        check_setting(
+            self.damping >= 0.01,
+            "HitReconstructorSettings::damping",
+            self.damping,
+            "0.01 to infinity",
+        )?;
         check_setting(
             self.plane_distance > 0.0 && self.plane_distance.is_finite(),
             "HitReconstructorSettings::plane_distance",

@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{
     BouncedSettings, Camera, HitReconstructorSettings, Payload, Sampling,
-    hit_reconstructor::params::{near_radius, plane_unit},
+    hit_reconstructor::params::{falloff, near_radius, per_hit_distance, plane_unit},
 };
 
 /// What a reconstruction works on.
@@ -191,7 +191,8 @@ impl HitReconstruction<'_> {
         let pixel = self.side(&Receiver { position, normal });
         let per_tolerance = self.per_tolerance_at(pixel);
         let per_spread = 1.0 / (f64::from(plane_unit(settings)) * pixel).max(1e-30);
-        let falloff = 0.5 / f64::from(settings.spread).powi(2);
+        let falloff = f64::from(falloff(settings));
+        let per_hit_distance = f64::from(per_hit_distance(settings));
         let radius = IVec2::splat(settings.radius as i32);
         let low = (at - radius).max(IVec2::ZERO);
         let high = (at + radius).min(self.size() - 1);
@@ -212,7 +213,7 @@ impl HitReconstruction<'_> {
                 let theirs = means[index(there)];
                 let aside = (there - at).as_dvec2();
                 let nearest = near[index(at)].max(near[index(there)]);
-                let hits_aside = d.length() * nearest / f64::from(settings.hit_distances);
+                let hits_aside = d.length() * nearest * per_hit_distance;
                 let mut distance = aside.length_squared() * falloff + hits_aside * hits_aside;
                 if settings.deviations > 0.0 {
                     let difference = luminance(theirs.mean) - luminance(own.mean);
