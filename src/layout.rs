@@ -211,7 +211,7 @@ fn structs_match_the_shaders() {
     let bounced = fields!(BouncedParams: size, columns, rows, frame, words, surfel_capacity, background,
         world_radius);
     let hits = fields!(HitReconstructorParams: camera, columns, rows, frame, words, radius, plane_distance,
-        normal_power, deviations, f0);
+        normal_power, deviations, f0, near_radius, falloff, per_hit_distance, damping, spread);
     for payload in [
         "occlusion",
         "radiance",

@@ -85,6 +85,9 @@ override SAMPLING: u32 = 0u;
 // Bits of the directions that hit something.
 @group(0) @binding(5) var<storage, read_write> hits: array<atomic<u32>>;
 #endif
+// How near a pixel's hits are: the sum over its directions of the pixel's side over the distance of the hit, 1 at most, in
+// units of 2^-24, rounded. Integers, so that their order does not count.
+@group(0) @binding(9) var<storage, read_write> nearness: array<atomic<u32>>;
 #if STATISTICS
 // Rays, nodes that they visited, primitives that they were tested against, and rays that hit; steps, each a node or a
 // primitive, of the slowest of 32 neighbouring rays, summed, and how many such groups there were.
@@ -110,6 +113,9 @@ override SAMPLING: u32 = 0u;
 const GRID: f32 = 1.0 / 32.0;
 // Of the distance from the eye; but not more than this, however large pixels are.
 const MOST_OFFSET: f32 = 1e-3;
+
+// What a hit within the pixel's side adds to nearness: of 64 directions the sum is less than 2^31.
+const NEAREST: f32 = 16777216.0;
 
 // Where a pixel's rays start. `side` is its unit normal, `seen_from` the unit vector to where it is seen from, which leads
 // off any other surface that meets its own there: a point of an inner edge may have been rounded to beyond the other one.
@@ -171,10 +177,11 @@ fn incoming(ray: Ray, hit: Hit) -> vec3f {
 #endif
 
 #if !RADIANCE
-// Whether a pixel's ray meets anything.
-fn is_blocked(ray: Ray, pixel: vec2u, normal: vec3f) -> bool {
+// Where a pixel's ray meets something, the nearest or not; FAR where it meets nothing.
+fn meet_any(ray: Ray, pixel: vec2u, normal: vec3f) -> f32 {
 #if SENDER_DISKS
-  return walk_disks(ray, pixel, normal, true).primitive != MISS;
+  let hit = walk_disks(ray, pixel, normal, true);
+  return select(hit.t, FAR, hit.primitive == MISS);
 #else
   return trace_any(ray, params.world_radius);
 #endif
@@ -208,16 +215,23 @@ fn trace_pixel(pixel: vec2u, index: u32) {
   let direction = hemisphere_direction(point, normal, SAMPLING).direction;
 #endif
   let ray = make_ray(off_surface(position, normal, seen_from), direction);
+  let place = pixel.y * params.size.x + pixel.x;
 #if RADIANCE
   let hit = find(ray, pixel, normal);
   let blocked = hit.primitive != MISS;
+  let distance = hit.t;
   textureStore(hits, pixel, index, vec4u(pack_color(incoming(ray, hit)), 0u, 0u, 0u));
 #else
-  let blocked = is_blocked(ray, pixel, normal);
+  let distance = meet_any(ray, pixel, normal);
+  let blocked = distance < FAR;
   if blocked {
-    atomicOr(&hits[(pixel.y * params.size.x + pixel.x) * params.words + index / 32u], 1u << (index & 31u));
+    atomicOr(&hits[place * params.words + index / 32u], 1u << (index & 31u));
   }
 #endif
+  if blocked {
+    let side = footprint(camera, position - camera.eye);
+    atomicAdd(&nearness[place], u32(round(side / max(distance, side) * NEAREST)));
+  }
 #if STATISTICS
   atomicAdd(&statistics[0], 1u);
   atomicAdd(&statistics[1], nodes_visited);

@@ -1,11 +1,17 @@
 // HitReconstructor: from the hits of a bounced z-buffer to the caller's picture (The Bounced Z-buffer 3.3).
 //
 //   average       compute: each pixel's own mean over its directions, and how uncertain it is
-//   reconstruct   fragment: a cross-bilateral mean over a window, into the caller's texture
+//   near          compute: how near the hits of a pixel and of those beside it are
+//   reconstruct   fragment: a plane fitted to what a window of pixels has, into the caller's texture
 //
 // A pixel's estimate is the mean of radiance (or openness) over directions, each weighed by the receiver's cosine over
 // the density that it was drawn with. With #if DEFERRED the window gathers its neighbours' hits, direction by direction,
 // weighed by the cosine of the *receiving* pixel, so that what its normal tells is not blurred; without, their means.
+//
+// What is seen from two points differs the more the farther they are apart, measured by how far away the things are that are
+// seen: a neighbour counts by its distance in mean distances of hits (Ward, Rubinstein and Clear, A Ray Tracing Solution for
+// Diffuse Interreflection, 1988). What then still changes over the window mostly changes steadily: the picture is the value
+// at the pixel of the plane that fits the window best, by least squares of the weights, over the pixel's tangent plane.
 //
 // With #if GLOSSY a receiver mirrors radiance by its lobe (wgsl/common/ggx.wgsl), and a neighbour counts as far as its lobe
 // overlaps the pixel's.
@@ -36,6 +42,16 @@ struct Params {
   deviations: f32,
   // Reflectance of glossy receivers seen straight on.
   f0: vec3f,
+  // Half width of the window over which distances of hits are averaged.
+  near_radius: u32,
+  // Of the square of a neighbour's distance in pixels: -falloff is the exponent of its weight.
+  falloff: f32,
+  // Over the mean distance of hits: its square, and that of a neighbour's distance, in the same way.
+  per_hit_distance: f32,
+  // Added to the variance of the plane's coordinates.
+  damping: f32,
+  // Their unit, in pixels.
+  spread: f32,
 }
 
 override SAMPLING: u32 = 0u;
@@ -52,10 +68,17 @@ override SAMPLING: u32 = 0u;
 #if AVERAGE
 @group(0) @binding(3) var means: texture_storage_2d<rgba32float, write>;
 #else
+#if NEAR
+// Of the bounced z-buffer (wgsl/bounced_z_buffer.wgsl), and the mean of 1 / distance.
+@group(0) @binding(6) var<storage, read> nearness: array<u32>;
+@group(0) @binding(7) var inverse_distances: texture_storage_2d<r32float, write>;
+#else
+@group(0) @binding(7) var inverse_distances: texture_2d<f32>;
 @group(0) @binding(3) var means: texture_2d<f32>;
 #if ALBEDO
 #import albedo
 @group(0) @binding(4) var albedo_texture: texture_2d<f32>;
+#endif
 #endif
 #endif
 #if GLOSSY
@@ -134,6 +157,9 @@ fn mirrored_deferred(lobe: Lobe, other: Lobe, drawn: GlossyDirection, value: vec
 #endif
 #endif
 
+// What a hit within a pixel's side adds to its nearness (wgsl/bounced_z_buffer.wgsl).
+const NEAREST: f32 = 16777216.0;
+
 fn luminance(color: vec3f) -> f32 {
   return dot(color, vec3f(0.2126, 0.7152, 0.0722));
 }
@@ -193,7 +219,79 @@ fn average(@builtin(global_invocation_id) id: vec3u) {
 
 #else
 
+// How far a neighbour's surface is the pixel's own: 1 where it lies in its tangent plane and is turned alike. `d` leads from the
+// pixel to it.
+fn kinship(normal: vec3f, other_normal: vec3f, d: vec3f, per_tolerance: f32) -> f32 {
+  let off_plane = max(abs(dot(normal, d)), abs(dot(other_normal, d))) * per_tolerance;
+  let in_plane = max(1.0 - off_plane * off_plane, 0.0);
+  let alike = max(1.0 - (params.normal_power / 8.0) * (1.0 - dot(normal, other_normal)), 0.0);
+  let alike4 = alike * alike * alike * alike;
+  return in_plane * in_plane * alike4 * alike4;
+}
+
+fn per_tolerance_at(pixel: f32) -> f32 {
+  return 1.0 / max(params.plane_distance * pixel, 1e-30);
+}
+
+#if NEAR
+
+// Of one pixel too few hits tell how far they are.
+@compute @workgroup_size(8, 8)
+fn near(@builtin(global_invocation_id) id: vec3u) {
+  let at = vec2i(id.xy);
+  if any(at >= size()) {
+    return;
+  }
+  let texel = textureLoad(receivers, at, 0);
+  var mean = 0.0;
+  if texel.w != SKY {
+    let position = receiver_position(texel);
+    let normal = unpack_normal(texel.w);
+    let per_tolerance = per_tolerance_at(footprint(params.camera, position - params.camera.eye));
+    let low = max(at - i32(params.near_radius), vec2i(0));
+    let high = min(at + i32(params.near_radius), size() - 1);
+    var sum = 0.0;
+    var weights = 0.0;
+    for (var y = low.y; y <= high.y; y++) {
+      for (var x = low.x; x <= high.x; x++) {
+        let other = textureLoad(receivers, vec2i(x, y), 0);
+        if other.w == SKY {
+          continue;
+        }
+        let there = receiver_position(other);
+        var weight = kinship(normal, unpack_normal(other.w), there - position, per_tolerance);
+        if x == at.x && y == at.y {
+          weight = 1.0;
+        }
+        let side = footprint(params.camera, there - params.camera.eye);
+        let units = f32(directions()) * NEAREST * max(side, 1e-30);
+        sum += weight * f32(nearness[y * size().x + x]) / units;
+        weights += weight;
+      }
+    }
+    mean = sum / weights;
+  }
+  textureStore(inverse_distances, at, vec4f(mean));
+}
+
+#else
+
 #import screen
+
+// What a window holds: radiance, or openness.
+#if RADIANCE
+alias Value = vec3f;
+#else
+alias Value = f32;
+#endif
+
+fn value_of(color: vec3f) -> Value {
+#if RADIANCE
+  return color;
+#else
+  return color.x;
+#endif
+}
 
 @fragment
 fn reconstruct(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
@@ -209,17 +307,27 @@ fn reconstruct(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
   }
   let position = receiver_position(texel);
   let normal = unpack_normal(texel.w);
+  let frame = tangent_frame(normal);
   let own = textureLoad(means, at, 0);
+  let own_value = value_of(own.xyz);
   let pixel = footprint(params.camera, position - params.camera.eye);
-  let per_tolerance = 1.0 / max(params.plane_distance * pixel, 1e-30);
+  let per_tolerance = per_tolerance_at(pixel);
+  let per_spread = 1.0 / max(params.spread * pixel, 1e-30);
+  let inverse_distance = textureLoad(inverse_distances, at, 0).x;
 #if GLOSSY
   let lobe = lobe_of(vec2u(at), texel);
 #endif
   let radius = i32(params.radius);
   let low = max(at - radius, vec2i(0));
   let high = min(at + radius, size() - 1);
-  var sum = vec3f(0.0);
+  // Sums of weights, and of these times coordinates in the tangent plane, and times their products. And of values, as off the
+  // pixel's own: where all are the same nothing is rounded.
   var weights = 0.0;
+  var moments = vec2f(0.0);
+  var squares = vec3f(0.0);
+  var sum = value_of(vec3f(0.0));
+  var sum_u = sum;
+  var sum_v = sum;
   for (var y = low.y; y <= high.y; y++) {
     for (var x = low.x; x <= high.x; x++) {
       let there = vec2i(x, y);
@@ -229,17 +337,20 @@ fn reconstruct(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
       }
       let other_normal = unpack_normal(other.w);
       let d = receiver_position(other) - position;
-      let off_plane = max(abs(dot(normal, d)), abs(dot(other_normal, d))) * per_tolerance;
-      let in_plane = max(1.0 - off_plane * off_plane, 0.0);
-      let alike = max(1.0 - (params.normal_power / 8.0) * (1.0 - dot(normal, other_normal)), 0.0);
-      let alike4 = alike * alike * alike * alike;
-      var weight = in_plane * in_plane * alike4 * alike4;
+      var weight = kinship(normal, other_normal, d, per_tolerance);
+      if weight == 0.0 && any(there != at) {
+        continue;
+      }
       let theirs = textureLoad(means, there, 0);
+      let aside = vec2f(there - at);
+      let hits_aside = length(d) * max(inverse_distance, textureLoad(inverse_distances, there, 0).x) * params.per_hit_distance;
+      var distance = dot(aside, aside) * params.falloff + hits_aside * hits_aside;
       if params.deviations > 0.0 {
         let difference = luminance(theirs.xyz) - luminance(own.xyz);
         let allowed = params.deviations * params.deviations * (theirs.w + own.w) + 1e-30;
-        weight *= exp(-difference * difference / allowed);
+        distance += difference * difference / allowed;
       }
+      weight *= exp(-distance);
 #if GLOSSY
       let other_lobe = lobe_of(vec2u(there), other);
       weight *= lobe_overlap(lobe, other_lobe, parallax(d, pixel));
@@ -247,7 +358,13 @@ fn reconstruct(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
       if all(there == at) {
         weight = 1.0;
       }
+      if weight == 0.0 {
+        continue;
+      }
 #if DEFERRED
+      // Hits in place of means, with the sum of their shares for a weight.
+      var seen_there = vec3f(0.0);
+      var shares = 0.0;
       if weight > 1e-3 {
         for (var i = 0u; i < directions(); i++) {
           let point = cell_point(vec2u(there), i, params.columns, params.rows, params.frame);
@@ -258,33 +375,57 @@ fn reconstruct(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
           if any(there != at) {
             seen = mirrored_deferred(lobe, other_lobe, drawn, value);
           }
-          sum += weight * seen.w * seen.xyz;
-          weights += weight * seen.w;
+          seen_there += weight * seen.w * seen.xyz;
+          shares += weight * seen.w;
 #else
           let drawn = hemisphere_direction(point, other_normal, SAMPLING);
           // A direction near the neighbour's horizon may be far from this one's: its share is bounded.
           let own_share = weight * min(share(normal, drawn), 4.0);
-          sum += own_share * incoming(vec2u(there), i);
-          weights += own_share;
+          seen_there += own_share * incoming(vec2u(there), i);
+          shares += own_share;
 #endif
         }
       }
+      weight = shares;
+      let weighted = value_of(seen_there) - weight * own_value;
 #else
-      sum += weight * theirs.xyz;
-      weights += weight;
+      let weighted = weight * (value_of(theirs.xyz) - own_value);
 #endif
+      let place = (d * frame).xy * per_spread;
+      weights += weight;
+      moments += weight * place;
+      squares += weight * vec3f(place * place, place.x * place.y);
+      sum += weighted;
+      sum_u += weighted * place.x;
+      sum_v += weighted * place.y;
     }
   }
-  let mean = sum / max(weights, 1e-6);
+  // The plane through the window's mean at the middle of its weights, and its value at the pixel.
+  let per_weight = 1.0 / max(weights, 1e-6);
+  let average = sum * per_weight;
+  let middle = moments * per_weight;
+  let spread = squares * per_weight - vec3f(middle * middle, middle.x * middle.y);
+  let uu = spread.x + params.damping;
+  let vv = spread.y + params.damping;
+  let uv = spread.z;
+  let along_u = sum_u * per_weight - average * middle.x;
+  let along_v = sum_v * per_weight - average * middle.y;
+  let per_determinant = 1.0 / max(uu * vv - uv * uv, 1e-30);
+  let slope_u = (vv * along_u - uv * along_v) * per_determinant;
+  let slope_v = (uu * along_v - uv * along_u) * per_determinant;
+  let value = own_value + average - slope_u * middle.x - slope_v * middle.y;
 #if RADIANCE
+  // A plane may fall below what there is.
+  let color = max(value, vec3f(0.0));
 #if ALBEDO
-  return vec4f(mean * decode_albedo(textureLoad(albedo_texture, corner + at, 0).xyz), 1.0);
+  return vec4f(color * decode_albedo(textureLoad(albedo_texture, corner + at, 0).xyz), 1.0);
 #else
-  return vec4f(mean, 1.0);
+  return vec4f(color, 1.0);
 #endif
 #else
-  return vec4f(clamp(mean, vec3f(0.0), vec3f(1.0)), 1.0);
+  return vec4f(vec3f(clamp(value, 0.0, 1.0)), 1.0);
 #endif
 }
 
+#endif
 #endif

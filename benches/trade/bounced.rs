@@ -12,8 +12,8 @@ use support::{
     presets::{self, BouncedPreset},
 };
 
-/// Directions and half width of the window, from cheap to dear.
-const LADDER: [[u32; 2]; 7] = [[1, 8], [2, 6], [4, 6], [9, 4], [16, 3], [36, 2], [64, 2]];
+/// Directions, from cheap to dear; the filter follows.
+const LADDER: [u32; 7] = [1, 2, 4, 9, 16, 36, 64];
 
 /// The most directions that a variant asks for.
 const MAX_DIRECTIONS: u32 = 64;
@@ -61,11 +61,9 @@ impl Method for Bounced {
                 setting,
             });
         };
-        for [directions, window] in LADDER {
-            let mut preset = balanced;
-            preset.bounced.directions = directions;
-            preset.reconstructor.radius = window;
-            push(QUALITY, format!("{directions}, window {window}"), preset);
+        for directions in LADDER {
+            let preset = presets::bounced(directions, Payload::Occlusion, radius);
+            push(QUALITY, directions.to_string(), preset);
         }
         for directions in [1, 4, 16, 64] {
             let mut preset = balanced;
@@ -75,6 +73,8 @@ impl Method for Bounced {
         for window in [0, 1, 2, 3, 6, 10] {
             let mut preset = balanced;
             preset.reconstructor.radius = window;
+            // As the presets' window is to its Gaussian.
+            preset.reconstructor.spread = (window as f32 / 1.6).max(0.5);
             push("window", window.to_string(), preset);
         }
         for density in [1.0, 4.0, 16.0, f32::INFINITY] {

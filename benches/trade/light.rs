@@ -13,8 +13,8 @@ use support::{
     presets::{self, BouncedPreset},
 };
 
-/// Directions and half width of the window, from cheap to dear.
-const LADDER: [[u32; 2]; 7] = [[1, 8], [2, 6], [4, 5], [8, 4], [16, 3], [36, 3], [64, 2]];
+/// Directions, from cheap to dear; the filter follows.
+const LADDER: [u32; 7] = [1, 2, 4, 8, 16, 36, 64];
 
 /// Directions, steps along each and half width of the filter, from cheap to dear.
 const MARCHES: [[u32; 3]; 7] = [
@@ -52,7 +52,7 @@ impl BouncedLight {
             triangles,
         };
         let size = stage.effort.size;
-        let most = LADDER[LADDER.len() - 1][0];
+        let most = LADDER[LADDER.len() - 1];
         let renderer =
             BouncedRenderer::new(stage.gpu, Payload::Radiance, capacity, size, most, false)
                 .map_err(|e| e.to_string())?;
@@ -78,15 +78,10 @@ impl Method for BouncedLight {
                 setting: preset(name),
             })
             .collect();
-        all.extend(LADDER.map(|[directions, window]| {
-            let mut setting = preset("balanced");
-            setting.bounced.directions = directions;
-            setting.reconstructor.radius = window;
-            Variant {
-                knob: QUALITY,
-                value: format!("{directions}, window {window}"),
-                setting,
-            }
+        all.extend(LADDER.map(|directions| Variant {
+            knob: QUALITY,
+            value: directions.to_string(),
+            setting: presets::bounced(directions, Payload::Radiance, f32::INFINITY),
         }));
         all
     }

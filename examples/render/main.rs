@@ -82,10 +82,10 @@ pub(crate) struct Options {
     /// inf for a file. Light comes from any distance.
     #[arg(long, value_parser = view::parse_radius, allow_negative_numbers = true)]
     radius: Option<f32>,
-    /// Directions a pixel in place of the preset's, for the bounced z-buffer.
+    /// Directions a pixel in place of the preset's, and the filter that suits them, for the bounced z-buffer.
     #[arg(long)]
     directions: Option<u32>,
-    /// Half width of the filter's window in pixels in place of the preset's, for the bounced z-buffer.
+    /// Half width of the filter's window in pixels in place of what suits the directions, for the bounced z-buffer.
     #[arg(long)]
     window: Option<u32>,
     /// Whether surfaces occlude behind their backs too, for splatting.

@@ -209,7 +209,7 @@ pub fn bounced(
     let mut preset =
         presets::bounced_preset(&options.preset, payload, radius).ok_or("no such preset")?;
     if let Some(directions) = options.directions {
-        preset.bounced.directions = directions;
+        preset = presets::bounced(directions, payload, radius);
     }
     if let Some(window) = options.window {
         preset.reconstructor.radius = window;
@@ -237,6 +237,9 @@ pub fn bounced(
         settings: json!({
             "directions": directions,
             "window": preset.reconstructor.radius,
+            "spread": preset.reconstructor.spread,
+            "hit_distances": preset.reconstructor.hit_distances,
+            "damping": preset.reconstructor.damping,
             "plane_distance": preset.reconstructor.plane_distance,
             "normal_power": preset.reconstructor.normal_power,
             "deviations": preset.reconstructor.deviations,

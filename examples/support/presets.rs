@@ -48,19 +48,24 @@ pub fn preset(name: &str, radius: f32) -> Option<Preset> {
     })
 }
 
-// Light that bounces is noisier than what it is blocked by, and its detail finer: it takes more directions and smaller
-// windows. Of the surfels' radius hits do not depend.
+// Light that bounces is noisier than what it is blocked by, and its detail finer: it takes more directions. Of the surfels'
+// radius hits do not depend.
 /// One of [`NAMES`], for hits nearer than `radius`.
 pub fn bounced_preset(name: &str, payload: Payload, radius: f32) -> Option<BouncedPreset> {
-    let (directions, window, deviations) = match (name, payload) {
-        ("fast", Payload::Occlusion) => (4, 4, 0.0),
-        ("balanced", Payload::Occlusion) => (16, 3, 4.0),
-        ("fast", Payload::Radiance) => (8, 4, 6.0),
-        ("balanced", Payload::Radiance) => (40, 3, 4.0),
-        ("accurate", _) => (64, 3, 3.0),
+    let directions = match (name, payload) {
+        ("fast", Payload::Occlusion) => 4,
+        ("balanced", Payload::Occlusion) => 16,
+        ("fast", Payload::Radiance) => 8,
+        ("balanced", Payload::Radiance) => 40,
+        ("accurate", _) => 64,
         _ => return None,
     };
-    Some(BouncedPreset {
+    Some(bounced(directions, payload, radius))
+}
+
+/// So many directions, and the filter that suits them.
+pub fn bounced(directions: u32, payload: Payload, radius: f32) -> BouncedPreset {
+    BouncedPreset {
         surfelizer: SurfelizerSettings {
             // Small triangles whole: hits are exact.
             density: f32::INFINITY,
@@ -71,10 +76,9 @@ pub fn bounced_preset(name: &str, payload: Payload, radius: f32) -> Option<Bounc
             radius,
             ..BouncedSettings::default()
         },
-        reconstructor: HitReconstructorSettings {
-            radius: window,
-            deviations,
-            ..HitReconstructorSettings::default()
+        reconstructor: match payload {
+            Payload::Occlusion => HitReconstructorSettings::for_occlusion(directions),
+            Payload::Radiance => HitReconstructorSettings::for_light(directions),
         },
-    })
+    }
 }

@@ -92,7 +92,13 @@ impl BouncedZBuffer {
         cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
         descriptor.primitives.validate()?;
-        let mut entries = vec![(0, UNIFORM), (1, READ), (4, UINT_2D), (11, UNIFORM)];
+        let mut entries = vec![
+            (0, UNIFORM),
+            (1, READ),
+            (4, UINT_2D),
+            (9, WRITE),
+            (11, UNIFORM),
+        ];
         check_setting(
             !descriptor.lit() || descriptor.primitives == Primitives::Triangles,
             "BouncedDescriptor::primitives",
@@ -182,6 +188,12 @@ impl BouncedZBuffer {
                 }))
             }
         };
+        let nearness = storage(
+            device,
+            "deep-screen-space nearness of hits",
+            4 * u64::from(width) * u64::from(height),
+            usage,
+        )?;
         let statistics = self
             .descriptor
             .statistics
@@ -191,6 +203,7 @@ impl BouncedZBuffer {
             // Last: what the device's limits refuse is known before this much memory is asked for.
             receivers: Receivers::new(device, size)?,
             hits,
+            nearness,
             descriptor: self.descriptor,
             directions,
             statistics,
@@ -260,6 +273,7 @@ impl BouncedZBuffer {
         if let Hits::Bits(buffer) = &view.hits {
             encoder.clear_buffer(buffer, 0, None);
         }
+        encoder.clear_buffer(&view.nearness, 0, None);
         self.receivers.record(
             device,
             encoder,
@@ -279,6 +293,7 @@ impl BouncedZBuffer {
             (1, whole(&cloud.counters)),
             (2, binding::view(nodes)),
             (4, binding::view(&view.receivers.view)),
+            (9, whole(&view.nearness)),
             (11, whole(&camera)),
         ];
         resources.extend(primitives);

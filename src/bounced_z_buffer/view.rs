@@ -22,6 +22,7 @@ pub(crate) enum Hits {
 pub struct BouncedView {
     pub(crate) receivers: Receivers,
     pub(crate) hits: Hits,
+    pub(crate) nearness: Buffer,
     pub(crate) descriptor: BouncedDescriptor,
     pub(super) directions: u32,
     pub(super) statistics: Option<Buffer>,
@@ -65,6 +66,13 @@ impl BouncedView {
         }
     }
 
+    /// How near each pixel's hits are, rows from the top: a `u32` of the sum over its directions of the side of a pixel at
+    /// the pixel's distance over the distance of the hit, each 1 at most and 0 for none, times 2²⁴ (usages `STORAGE |
+    /// COPY_SRC`). With [`Payload::Occlusion`](crate::Payload::Occlusion) a hit need not be the nearest along its direction.
+    pub fn nearness(&self) -> &Buffer {
+        &self.nearness
+    }
+
     /// What the last recording counted, where the descriptor asked for it: six `u32`, namely rays, nodes that they visited,
     /// senders that they were tested against, and rays that hit; then the steps, each a node or a sender, of the slowest of
     /// 32 neighbouring pixels' rays, summed over groups of such rays, and how many groups there were (usage `COPY_SRC`).
@@ -82,6 +90,7 @@ impl BouncedView {
         };
         plane_bytes(TextureFormat::Rgba32Uint, self.size(), 1)
             + hits
+            + self.nearness.size()
             + self.statistics.as_ref().map_or(0, Buffer::size)
     }
 }

@@ -38,6 +38,7 @@ pub(crate) const FLAGS: &[&str] = &[
     "LIT",
     "MATERIAL",
     "MOTION",
+    "NEAR",
     "NORMALS",
     "ONE_SIDED",
     "OWN_SURFACE",

@@ -35,8 +35,8 @@ const SOURCE: &str = include_str!("../../wgsl/hit_reconstructor.wgsl");
 
 const LABEL: &str = "deep-screen-space hit reconstructor";
 
-/// Gathers the hits of a [`BouncedZBuffer`](crate::BouncedZBuffer) over each pixel's neighbourhood and writes the effect
-/// into the caller's texture: with [`Payload::Occlusion`] ambient visibility, 1 = open, with [`Payload::Radiance`] the
+/// Gathers the hits of a [`BouncedZBuffer`](crate::BouncedZBuffer) over each pixel's neighbourhood, as wide as they are far
+/// away, fits a plane to what it finds there, and writes its value at the pixel into the caller's texture: with [`Payload::Occlusion`] ambient visibility, 1 = open, with [`Payload::Radiance`] the
 /// radiance that a matt surface of the G-buffer's albedo sends on, linear RGB, W/(m² sr). The sky is open, and dark.
 ///
 /// With [`Sampling::Glossy`] the surface is glossy instead: `∫ L(ω) f(ω, view) ⟨n, ω⟩ dω` with `f = D G F / (4 ⟨n, ω⟩ ⟨n,
@@ -52,8 +52,10 @@ const LABEL: &str = "deep-screen-space hit reconstructor";
 pub struct HitReconstructor {
     descriptor: HitReconstructorDescriptor,
     average_layout: BindGroupLayout,
+    near_layout: BindGroupLayout,
     layout: BindGroupLayout,
     average: ComputePipeline,
+    near: ComputePipeline,
     reconstruct: RenderPipeline,
 }
 
@@ -83,17 +85,19 @@ impl HitReconstructorDescriptor {
     }
 }
 
-/// What a [`HitReconstructor`] needs for a view: each pixel's own mean.
+/// What a [`HitReconstructor`] needs for a view: each pixel's own mean, and how near its hits are.
 #[derive(Debug)]
 pub struct HitReconstructorView {
     size: [u32; 2],
     means: TextureView,
+    inverse_distances: TextureView,
 }
 
 impl HitReconstructorView {
     /// GPU memory that it owns, bytes.
     pub fn memory_bytes(&self) -> u64 {
         plane_bytes(TextureFormat::Rgba32Float, self.size, 1)
+            + plane_bytes(TextureFormat::R32Float, self.size, 1)
     }
 }
 
@@ -143,12 +147,22 @@ impl HitReconstructor {
         } else {
             shared[..2].to_vec()
         };
-        reconstruct.push((3, FLOAT_2D));
+        reconstruct.extend([(3, FLOAT_2D), (7, FLOAT_2D)]);
         reconstruct.extend(descriptor.albedo().then_some((4, FLOAT_2D)));
         if descriptor.glossy() {
             average.push((5, FLOAT_2D));
             reconstruct.push((5, FLOAT_2D));
         }
+        let near = [
+            (0, UNIFORM),
+            (1, UINT_2D),
+            (6, READ),
+            (
+                7,
+                binding::store(TextureFormat::R32Float, TextureViewDimension::D2),
+            ),
+        ];
+        let near_layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &near);
         let average_layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &average);
         let layout = binding::layout(device, LABEL, ShaderStages::FRAGMENT, &reconstruct);
         let module = |stage| -> Result<_, Error> {
@@ -161,6 +175,15 @@ impl HitReconstructor {
             entry: "average",
             layouts: &[&average_layout],
             constants: &constants,
+            cache,
+        }
+        .create(device);
+        let near = Kernel {
+            label: LABEL,
+            module: &module(HitStage::Near)?,
+            entry: "near",
+            layouts: &[&near_layout],
+            constants: &[],
             cache,
         }
         .create(device);
@@ -177,8 +200,10 @@ impl HitReconstructor {
         Ok(Self {
             descriptor: *descriptor,
             average_layout,
+            near_layout,
             layout,
             average,
+            near,
             reconstruct,
         })
     }
@@ -194,16 +219,20 @@ impl HitReconstructor {
         height: u32,
     ) -> Result<HitReconstructorView, Error> {
         let size = [width, height];
-        let texture = plane(
-            device,
-            "deep-screen-space means of hits",
-            TextureFormat::Rgba32Float,
-            size,
-            1,
-        )?;
+        let texture = |label, format| -> Result<_, Error> {
+            let texture = plane(device, label, format, size, 1)?;
+            Ok(texture.create_view(&wgpu::TextureViewDescriptor::default()))
+        };
         Ok(HitReconstructorView {
             size,
-            means: texture.create_view(&wgpu::TextureViewDescriptor::default()),
+            means: texture(
+                "deep-screen-space means of hits",
+                TextureFormat::Rgba32Float,
+            )?,
+            inverse_distances: texture(
+                "deep-screen-space inverse distances of hits",
+                TextureFormat::R32Float,
+            )?,
         })
     }
 
@@ -252,6 +281,13 @@ impl HitReconstructor {
             (1, view(&input.hits.receivers.view)),
             (2, hits),
         ];
+        let near = [
+            shared[0].clone(),
+            shared[1].clone(),
+            (6, whole(&input.hits.nearness)),
+            (7, view(&scratch.inverse_distances)),
+        ];
+        let near = binding::group(device, LABEL, &self.near_layout, &near);
         let mut resources = shared.to_vec();
         resources.push((3, view(&scratch.means)));
         let [roughness, albedo] = [roughness, albedo].map(|slice| slice.map(|slice| slice.read()));
@@ -260,12 +296,17 @@ impl HitReconstructor {
         let mut pass = first_pass(encoder, LABEL, input.timestamps);
         pass.set_pipeline(&self.average);
         pass.set_bind_group(0, &group, &[]);
-        pass.dispatch_workgroups(viewport.width.div_ceil(8), viewport.height.div_ceil(8), 1);
+        let groups = [viewport.width, viewport.height].map(|side| side.div_ceil(8));
+        pass.dispatch_workgroups(groups[0], groups[1], 1);
+        pass.set_pipeline(&self.near);
+        pass.set_bind_group(0, &near, &[]);
+        pass.dispatch_workgroups(groups[0], groups[1], 1);
         drop(pass);
 
         if !self.descriptor.deferred {
             resources.remove(2);
         }
+        resources.push((7, view(&scratch.inverse_distances)));
         resources.extend(albedo.as_ref().map(|albedo| (4, view(albedo))));
         let group = binding::group(device, LABEL, &self.layout, &resources);
         screen::draw(
@@ -349,18 +390,23 @@ impl HitReconstructor {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum HitStage {
     Average,
+    Near,
     Reconstruct,
 }
 
 /// Assembles one of them.
 fn source(descriptor: &HitReconstructorDescriptor, stage: HitStage) -> Result<String, Error> {
     let mut flags = Vec::new();
-    flags.extend((descriptor.payload == Payload::Radiance).then_some("RADIANCE"));
-    flags.extend(descriptor.glossy().then_some("GLOSSY"));
-    flags.extend(descriptor.albedo().then_some("ALBEDO"));
+    // Whatever was hit, how near it is means the same.
+    if stage != HitStage::Near {
+        flags.extend((descriptor.payload == Payload::Radiance).then_some("RADIANCE"));
+        flags.extend(descriptor.glossy().then_some("GLOSSY"));
+        flags.extend(descriptor.albedo().then_some("ALBEDO"));
+    }
     match stage {
         HitStage::Average => flags.extend(["AVERAGE", "HITS"]),
         HitStage::Reconstruct if descriptor.deferred => flags.extend(["DEFERRED", "HITS"]),
+        HitStage::Near => flags.push("NEAR"),
         HitStage::Reconstruct => {}
     }
     shader::assemble("hit_reconstructor", SOURCE, &flags, &[])
@@ -368,6 +414,13 @@ fn source(descriptor: &HitReconstructorDescriptor, stage: HitStage) -> Result<St
 
 /// Every module of the pass.
 pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    let any = HitReconstructorDescriptor {
+        payload: Payload::Occlusion,
+        sampling: Sampling::Cosine,
+        deferred: false,
+        target: TextureFormat::Rgba16Float,
+    };
+    all.add("hit_reconstructor near", source(&any, HitStage::Near)?);
     for payload in [Payload::Occlusion, Payload::Radiance] {
         for sampling in [Sampling::Cosine, Sampling::Glossy] {
             for (deferred, stage) in [

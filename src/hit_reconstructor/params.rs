@@ -22,7 +22,41 @@ pub struct HitReconstructorParams {
     pub(crate) normal_power: f32,
     pub(crate) deviations: f32,
     pub(crate) f0: [f32; 3],
-    pub(crate) padding: u32,
+    pub(crate) near_radius: u32,
+    pub(crate) falloff: f32,
+    pub(crate) per_hit_distance: f32,
+    pub(crate) damping: f32,
+    pub(crate) spread: f32,
+}
+
+/// Stands for infinity: such planes have no slope, and its square is finite in f32.
+const FLAT: f32 = 1e9;
+
+/// More than any exponent needs, and finite times whatever it meets.
+const STEEP: f32 = 1e9;
+
+/// Of the square of a neighbour's distance in pixels.
+pub(crate) fn falloff(settings: &HitReconstructorSettings) -> f32 {
+    (0.5 / settings.spread.powi(2)).min(STEEP)
+}
+
+/// Over the mean distance of hits.
+pub(crate) fn per_hit_distance(settings: &HitReconstructorSettings) -> f32 {
+    settings.hit_distances.recip().min(STEEP)
+}
+
+/// Unit of the plane's coordinates in pixels. Of less than half a pixel nothing is in sight but the pixel itself.
+pub(crate) fn plane_unit(settings: &HitReconstructorSettings) -> f32 {
+    settings.spread.clamp(0.5, settings.radius.max(1) as f32)
+}
+
+/// Half width of the window over which distances of hits are averaged: the fewer directions, the less one pixel knows.
+pub(crate) fn near_radius(directions: u32) -> u32 {
+    match directions {
+        0 | 1 => 4,
+        2 | 3 => 3,
+        _ => 2,
+    }
 }
 
 impl HitReconstructorParams {
@@ -44,7 +78,11 @@ impl HitReconstructorParams {
             normal_power: settings.normal_power,
             deviations: settings.deviations,
             f0: settings.f0,
-            padding: 0,
+            near_radius: near_radius(bounced.directions),
+            falloff: falloff(settings),
+            per_hit_distance: per_hit_distance(settings),
+            damping: settings.damping.min(FLAT),
+            spread: plane_unit(settings),
         }
     }
 }

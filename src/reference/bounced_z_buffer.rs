@@ -27,6 +27,8 @@ const POSITION_TOLERANCE: f64 = 1e-6;
 const GRID: f64 = 1.0 / 32.0;
 const MOST_OFFSET: f64 = 1e-3;
 const SHAPE_ORDER: u32 = 0xfff;
+/// What a hit within a pixel's side adds to nearness.
+pub(super) const NEAREST: f64 = 16_777_216.0;
 
 /// A ray in the cloud's space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -211,6 +213,23 @@ impl Tracing<'_> {
             }
         }
         bits
+    }
+
+    /// As [`BouncedView::nearness`](crate::BouncedView::nearness), of the nearest hits.
+    pub fn nearness(&self) -> Vec<u32> {
+        let per_pixel = self.settings.directions as usize;
+        let mut nearness = vec![0; self.receivers.len()];
+        if per_pixel > 0 {
+            for (i, hit) in self.hits().iter().enumerate() {
+                let pixel = i / per_pixel;
+                if let (Some(hit), Some(receiver)) = (hit, self.receivers[pixel]) {
+                    let relative = receiver.position - (self.camera.eye() - self.origin);
+                    let side = self.camera.footprint().at(relative);
+                    nearness[pixel] += (side / hit.t.max(side) * NEAREST).round() as u32;
+                }
+            }
+        }
+        nearness
     }
 
     /// As [`BouncedView::radiance`](crate::BouncedView::radiance), in the order of [`directions`]; 0 for the sky.

@@ -4,20 +4,10 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 use glam::{DMat3, DVec2, DVec3};
 
-use super::hashing::{hash, hash2, unit_float};
+use super::hashing::{hash, unit_float};
 use crate::{
     BouncedSettings, Sampling, bounced_z_buffer::params::grid, reference::shell_splatter::Receiver,
 };
-
-/// Two bits of x and y in turn, from four bits each.
-pub fn morton([x, y]: [u32; 2]) -> u32 {
-    let spread = |bits: u32| {
-        let mut v = bits & 15;
-        v = (v | (v << 2)) & 0x33;
-        (v | (v << 1)) & 0x55
-    };
-    spread(x) | (spread(y) << 1)
-}
 
 /// The second coordinate of Sobol's (0,2)-sequence, its bits reversed, the lowest one being worth 1/2. The first one is the
 /// index in the same way.
@@ -38,14 +28,23 @@ pub fn scramble(bits: u32, key: u32) -> u32 {
     v ^ v.wrapping_mul(0x53a2_2864)
 }
 
+/// What a step to the next column and to the next row adds to x and to y, in units of 2⁻³².
+pub const LATTICE: [[u32; 2]; 2] = [
+    [1_784_664_572, 1_394_608_229],
+    [1_036_808_364, 2_481_981_723],
+];
+
 /// The point of cell `index` of columns × rows, in the unit square.
 pub fn cell_point(pixel: [u32; 2], index: u32, [columns, rows]: [u32; 2], frame: u32) -> DVec2 {
-    let block = pixel.map(|p| p / 16);
-    let number = morton(pixel);
-    let key = hash2(block[0] | (block[1] << 16), index);
-    let x = number ^ scramble(frame, key);
-    let y = sobol2(number) ^ scramble(sobol2(frame), hash(key));
-    let [x, y] = [x, y].map(|bits| unit_float(bits.reverse_bits()));
+    let key = hash(index + 1);
+    let over_frames = [scramble(frame, key), scramble(sobol2(frame), hash(key))];
+    let [x, y] = [0, 1].map(|axis: usize| {
+        let [column, row] = LATTICE[axis];
+        let over_pixels = column
+            .wrapping_mul(pixel[0])
+            .wrapping_add(row.wrapping_mul(pixel[1]));
+        unit_float(over_pixels.wrapping_add(over_frames[axis].reverse_bits()))
+    });
     DVec2::new(
         (f64::from(index % columns) + x) / f64::from(columns),
         (f64::from(index / columns) + y) / f64::from(rows),

@@ -2,14 +2,18 @@
 
 use std::f64::consts::PI;
 
-use glam::{DVec3, IVec2};
+use glam::{DVec2, DVec3, IVec2};
 use rayon::prelude::*;
 
 use super::{
-    directions::{Direction, directions},
+    bounced_z_buffer::NEAREST,
+    directions::{Direction, directions, tangent_frame},
     shell_splatter::Receiver,
 };
-use crate::{BouncedSettings, Camera, HitReconstructorSettings, Payload, Sampling};
+use crate::{
+    BouncedSettings, Camera, HitReconstructorSettings, Payload, Sampling,
+    hit_reconstructor::params::{falloff, near_radius, per_hit_distance, plane_unit},
+};
 
 /// What a reconstruction works on.
 #[derive(Clone, Copy, Debug)]
@@ -32,6 +36,8 @@ pub struct HitReconstruction<'a> {
     pub deferred: bool,
     /// What came along each direction, in the order of [`directions`]: radiance, or 1 where nothing was hit.
     pub incoming: &'a [DVec3],
+    /// How near each pixel's hits are, as [`BouncedView::nearness`](crate::BouncedView::nearness).
+    pub nearness: &'a [u32],
 }
 
 /// A pixel's own mean.
@@ -101,34 +107,44 @@ impl HitReconstruction<'_> {
             .collect()
     }
 
-    /// The mean about each pixel, before it meets the albedo; `None` for the sky.
-    pub fn reconstruct(&self, means: &[Mean]) -> Vec<Option<DVec3>> {
-        let drawn = self.drawn();
+    /// A pixel's side at a receiver.
+    fn side(&self, receiver: &Receiver) -> f64 {
+        let eye = self.camera.eye() - self.origin;
+        self.camera.footprint().at(receiver.position - eye)
+    }
+
+    fn per_tolerance_at(&self, pixel: f64) -> f64 {
+        1.0 / (f64::from(self.settings.plane_distance) * pixel).max(1e-30)
+    }
+
+    /// How far a neighbour's surface is the pixel's own; `d` leads from the pixel to it.
+    fn kinship(&self, normal: DVec3, other_normal: DVec3, d: DVec3, per_tolerance: f64) -> f64 {
+        let off_plane = normal.dot(d).abs().max(other_normal.dot(d).abs()) * per_tolerance;
+        let in_plane = (1.0 - off_plane * off_plane).max(0.0);
+        let power = f64::from(self.settings.normal_power);
+        let alike = (1.0 - power / 8.0 * (1.0 - normal.dot(other_normal))).max(0.0);
+        in_plane * in_plane * alike.powi(8)
+    }
+
+    /// The mean of 1 / distance of the hits about each pixel.
+    pub fn near(&self) -> Vec<f64> {
         let width = self.size().x;
         (0..self.receivers.len() as i32)
             .into_par_iter()
-            .map(|i| self.reconstructed(means, &drawn, IVec2::new(i % width, i / width)))
+            .map(|i| self.near_at(IVec2::new(i % width, i / width)))
             .collect()
     }
 
-    fn reconstructed(
-        &self,
-        means: &[Mean],
-        drawn: &[Option<Direction>],
-        at: IVec2,
-    ) -> Option<DVec3> {
+    fn near_at(&self, at: IVec2) -> f64 {
         let index = |p: IVec2| (p.y * self.size().x + p.x) as usize;
-        let directions = drawn.len() / self.receivers.len();
-        let settings = self.settings;
-        let Receiver { position, normal } = self.receivers[index(at)]?;
-        let own = means[index(at)];
-        let footprint = self.camera.footprint();
-        let pixel = footprint.at(position - (self.camera.eye() - self.origin));
-        let per_tolerance = 1.0 / (f64::from(settings.plane_distance) * pixel).max(1e-30);
-        let radius = IVec2::splat(settings.radius as i32);
+        let Some(Receiver { position, normal }) = self.receivers[index(at)] else {
+            return 0.0;
+        };
+        let per_tolerance = self.per_tolerance_at(self.side(&Receiver { position, normal }));
+        let radius = IVec2::splat(near_radius(self.traced.directions) as i32);
         let low = (at - radius).max(IVec2::ZERO);
         let high = (at + radius).min(self.size() - 1);
-        let mut sum = DVec3::ZERO;
+        let mut sum = 0.0;
         let mut weights = 0.0;
         for y in low.y..=high.y {
             for x in low.x..=high.x {
@@ -137,37 +153,122 @@ impl HitReconstruction<'_> {
                     continue;
                 };
                 let d = other.position - position;
-                let off_plane = normal.dot(d).abs().max(other.normal.dot(d).abs()) * per_tolerance;
-                let in_plane = (1.0 - off_plane * off_plane).max(0.0);
-                let power = f64::from(settings.normal_power);
-                let alike = (1.0 - power / 8.0 * (1.0 - normal.dot(other.normal))).max(0.0);
-                let mut weight = in_plane * in_plane * alike.powi(8);
+                let mut weight = self.kinship(normal, other.normal, d, per_tolerance);
+                if there == at {
+                    weight = 1.0;
+                }
+                let directions = f64::from(self.traced.directions.max(1));
+                let units = directions * NEAREST * self.side(&other).max(1e-30);
+                sum += weight * f64::from(self.nearness[index(there)]) / units;
+                weights += weight;
+            }
+        }
+        sum / weights
+    }
+
+    /// The plane about each pixel, before it meets the albedo; `None` for the sky.
+    pub fn reconstruct(&self, means: &[Mean], near: &[f64]) -> Vec<Option<DVec3>> {
+        let drawn = self.drawn();
+        let width = self.size().x;
+        (0..self.receivers.len() as i32)
+            .into_par_iter()
+            .map(|i| self.reconstructed((means, near), &drawn, IVec2::new(i % width, i / width)))
+            .collect()
+    }
+
+    fn reconstructed(
+        &self,
+        (means, near): (&[Mean], &[f64]),
+        drawn: &[Option<Direction>],
+        at: IVec2,
+    ) -> Option<DVec3> {
+        let index = |p: IVec2| (p.y * self.size().x + p.x) as usize;
+        let directions = drawn.len() / self.receivers.len();
+        let settings = self.settings;
+        let Receiver { position, normal } = self.receivers[index(at)]?;
+        let frame = tangent_frame(normal);
+        let own = means[index(at)];
+        let pixel = self.side(&Receiver { position, normal });
+        let per_tolerance = self.per_tolerance_at(pixel);
+        let per_spread = 1.0 / (f64::from(plane_unit(settings)) * pixel).max(1e-30);
+        let falloff = f64::from(falloff(settings));
+        let per_hit_distance = f64::from(per_hit_distance(settings));
+        let radius = IVec2::splat(settings.radius as i32);
+        let low = (at - radius).max(IVec2::ZERO);
+        let high = (at + radius).min(self.size() - 1);
+        let mut weights = 0.0;
+        let mut moments = DVec2::ZERO;
+        let mut squares = DVec3::ZERO;
+        let mut sum = DVec3::ZERO;
+        let mut sum_u = DVec3::ZERO;
+        let mut sum_v = DVec3::ZERO;
+        for y in low.y..=high.y {
+            for x in low.x..=high.x {
+                let there = IVec2::new(x, y);
+                let Some(other) = self.receivers[index(there)] else {
+                    continue;
+                };
+                let d = other.position - position;
+                let mut weight = self.kinship(normal, other.normal, d, per_tolerance);
                 let theirs = means[index(there)];
+                let aside = (there - at).as_dvec2();
+                let nearest = near[index(at)].max(near[index(there)]);
+                let hits_aside = d.length() * nearest * per_hit_distance;
+                let mut distance = aside.length_squared() * falloff + hits_aside * hits_aside;
                 if settings.deviations > 0.0 {
                     let difference = luminance(theirs.mean) - luminance(own.mean);
                     let deviations = f64::from(settings.deviations);
                     let allowed =
                         deviations * deviations * (theirs.variance + own.variance) + 1e-30;
-                    weight *= (-difference * difference / allowed).exp();
+                    distance += difference * difference / allowed;
                 }
+                weight *= (-distance).exp();
                 if there == at {
                     weight = 1.0;
                 }
-                if !self.deferred {
-                    sum += weight * theirs.mean;
-                    weights += weight;
-                } else if weight > 1e-3 {
-                    let theirs = index(there) * directions..(index(there) + 1) * directions;
-                    for (drawn, &incoming) in
-                        drawn[theirs.clone()].iter().zip(&self.incoming[theirs])
-                    {
-                        let own_share = weight * share(normal, (*drawn)?).min(4.0);
-                        sum += own_share * incoming;
-                        weights += own_share;
+                let mut weighted = weight * (theirs.mean - own.mean);
+                if self.deferred {
+                    let mut shares = 0.0;
+                    weighted = DVec3::ZERO;
+                    if weight > 1e-3 {
+                        let theirs = index(there) * directions..(index(there) + 1) * directions;
+                        for (drawn, &incoming) in
+                            drawn[theirs.clone()].iter().zip(&self.incoming[theirs])
+                        {
+                            let own_share = weight * share(normal, (*drawn)?).min(4.0);
+                            weighted += own_share * incoming;
+                            shares += own_share;
+                        }
                     }
+                    weight = shares;
+                    weighted -= weight * own.mean;
                 }
+                let place = (frame.transpose() * d).truncate() * per_spread;
+                weights += weight;
+                moments += weight * place;
+                squares += weight * (place * place).extend(place.x * place.y);
+                sum += weighted;
+                sum_u += weighted * place.x;
+                sum_v += weighted * place.y;
             }
         }
-        Some(sum / f64::max(weights, 1e-6))
+        let per_weight = 1.0 / f64::max(weights, 1e-6);
+        let average = sum * per_weight;
+        let middle = moments * per_weight;
+        let spread = squares * per_weight - (middle * middle).extend(middle.x * middle.y);
+        let damping = f64::from(settings.damping).min(1e9);
+        let uu = spread.x + damping;
+        let vv = spread.y + damping;
+        let uv = spread.z;
+        let along_u = sum_u * per_weight - average * middle.x;
+        let along_v = sum_v * per_weight - average * middle.y;
+        let per_determinant = 1.0 / (uu * vv - uv * uv).max(1e-30);
+        let slope_u = (vv * along_u - uv * along_v) * per_determinant;
+        let slope_v = (uu * along_v - uv * along_u) * per_determinant;
+        let value = own.mean + average - slope_u * middle.x - slope_v * middle.y;
+        Some(match self.payload {
+            Payload::Radiance => value.max(DVec3::ZERO),
+            Payload::Occlusion => value.clamp(DVec3::ZERO, DVec3::ONE),
+        })
     }
 }

@@ -11,6 +11,7 @@ use deep_screen_space::{
     reference::{
         bounced_z_buffer::{Senders, Tracing},
         directions::{cell_point, concentric_disk, hemisphere_direction, tangent_frame},
+        hashing::{hash2, unit_float},
         packing::{pack_color, unpack_color},
         surfelizer::{Triangle, leaf_at, leaf_of},
     },
@@ -62,7 +63,37 @@ fn compare(
     let odd = differing_bits(&found, &tracing.blocked());
     let blocked: u32 = found.iter().map(|word| word.count_ones()).sum();
     println!("{name}: {odd} of {rays} rays differ, {blocked} blocked");
+    // Any hit will do: none is nearer than the nearest, and where there is one it is somewhere.
+    let words = settings.directions.div_ceil(32).max(1) as usize;
+    let near: Vec<u32> = lab.gpu.read_buffer(view.nearness());
+    let most = tracing.nearness().into_iter().map(f64::from);
+    let nearer = near
+        .iter()
+        .zip(most)
+        .filter(|&(&near, most)| f64::from(near) > most + NEARNESS_OFF)
+        .count();
+    assert!(nearer <= odd as usize, "{name}: {nearer} pixels are nearer");
+    for (near, bits) in near.iter().zip(found.chunks(words)) {
+        assert_eq!(*near > 0, bits.iter().any(|word| *word > 0), "{name}");
+    }
     f64::from(odd) / rays as f64
+}
+
+/// How far a pixel's nearness may be off, where one is 2^24: of hits within the pixel itself distances are short, positions are
+/// rounded to 1e-6 of theirs, and a driver's sines turn the ray. Measured at 1e-4 on lavapipe, 3e-4 on `SwiftShader`.
+const NEARNESS_OFF: f64 = 1e-3 * 16_777_216.0;
+
+/// How far nearness is off the mirror's, which is that of nearest hits: the share of pixels that are off by more than
+/// [`NEARNESS_OFF`].
+fn compare_nearness(name: &str, view: &BouncedView, tracing: &Tracing<'_>) -> f64 {
+    let found: Vec<u32> = lab().gpu.read_buffer(view.nearness());
+    let expected = tracing.nearness();
+    let off = |(a, b): (&u32, &u32)| (f64::from(*a) - f64::from(*b)).abs();
+    let odd = found.iter().zip(&expected).map(off);
+    let worst = odd.clone().fold(0.0, f64::max) / 16_777_216.0;
+    let odd = odd.filter(|&off| off > NEARNESS_OFF).count();
+    println!("{name}: nearness of {odd} pixels differs, worst by {worst:.1e}");
+    odd as f64 / found.len() as f64
 }
 
 /// The same for colours, with a radiance of its own for each surfel.
@@ -112,6 +143,10 @@ fn compare_colors(
         "{name}: {odd} of {rays} colours differ, {:?}",
         senders.counts
     );
+    // A pixel is odd where one of its rays is.
+    let odd_pixels = compare_nearness(name, &view, &tracing);
+    let allowed = ODD_RAYS * f64::from(settings.directions);
+    assert!(odd_pixels <= allowed, "{name}: {odd_pixels}");
     odd as f64 / rays as f64
 }
 
@@ -837,50 +872,72 @@ fn disk_keeps_areas() {
     }
 }
 
-/// Within each aligned square of 4^k pixels a cell's points are one in each of 4^k subcells of every shape, in any frame.
+/// The point of a pixel within its cell of 2 x 2.
+fn within_cell(pixel: [u32; 2], index: u32, frame: u32) -> DVec2 {
+    let cell = DVec2::new(f64::from(index % 2), f64::from(index / 2));
+    cell_point(pixel, index, [2, 2], frame) * 2.0 - cell
+}
+
+/// How many points more or fewer than its area says any rectangle has that ends at eighths of the square.
+fn unevenness(points: &[DVec2]) -> f64 {
+    let edges = || (0..=8).map(|i| f64::from(i) / 8.0);
+    let mut worst = 0.0_f64;
+    for (left, right) in edges().flat_map(|l| edges().map(move |r| (l, r))) {
+        for (low, high) in edges().flat_map(|l| edges().map(move |h| (l, h))) {
+            let area = (right - left).max(0.0) * (high - low).max(0.0);
+            let inside = |p: &&DVec2| (left..right).contains(&p.x) && (low..high).contains(&p.y);
+            let found = points.iter().filter(inside).count() as f64;
+            worst = worst.max((found - points.len() as f64 * area).abs());
+        }
+    }
+    worst
+}
+
+/// Of any window of pixels the points within a cell lie evenly, wherever it is and in any frame.
 #[test]
-fn squares_of_pixels_are_stratified() {
-    for side in [2_u32, 4, 8, 16] {
-        let count = side * side;
-        for (corner, frame) in [([0, 0], 0), ([16, 32], 1), ([4096, 2048], 1 << 20)] {
-            for index in [0, 3, 11] {
-                for columns in (0..=count.ilog2()).map(|power| 1_u32 << power) {
-                    let rows = count / columns;
-                    let mut taken = vec![false; count as usize];
-                    for i in 0..count {
-                        let pixel = [i % side + corner[0], i / side + corner[1]];
-                        let point = cell_point(pixel, index, [4, 3], frame);
-                        let cell = DVec2::new(f64::from(index % 4), f64::from(index / 4));
-                        let within = point * DVec2::new(4.0, 3.0) - cell;
-                        let x = (within.x * f64::from(columns) + 1e-9) as u32;
-                        let y = (within.y * f64::from(rows) + 1e-9) as u32;
-                        let at = (y * columns + x) as usize;
-                        assert!(
-                            !taken[at],
-                            "{side}x{side} pixels at {corner:?}, frame {frame}, cell {index}: two points in {columns}x{rows}"
-                        );
-                        taken[at] = true;
-                    }
-                }
+fn windows_of_pixels_are_stratified() {
+    for [width, height] in [[5_u32, 5], [9, 9], [16, 16], [3, 40], [40, 1]] {
+        let (mut even, mut random) = (0.0_f64, 0.0_f64);
+        for (corner, frame) in [([0, 0], 0), ([333, 18], 1), ([4097, 2050], 1 << 20)] {
+            for index in 0..4 {
+                let of_pixels = |point: &dyn Fn([u32; 2]) -> DVec2| -> Vec<DVec2> {
+                    (0..width * height)
+                        .map(|i| point([corner[0] + i % width, corner[1] + i / width]))
+                        .collect()
+                };
+                let points = of_pixels(&|pixel| within_cell(pixel, index, frame));
+                even = even.max(unevenness(&points));
+                let drawn = |pixel: [u32; 2], axis| {
+                    unit_float(hash2(pixel[0] ^ (pixel[1] << 16), 2 * index + axis))
+                };
+                let points = of_pixels(&|pixel| DVec2::new(drawn(pixel, 0), drawn(pixel, 1)));
+                random = random.max(unevenness(&points));
             }
         }
+        println!("{width} x {height}: {even:.1} points off, random ones {random:.1}");
+        // Measured at 0.31 to 0.52.
+        assert!(
+            even < 0.7 * random,
+            "{width} x {height}: {even}, random {random}"
+        );
     }
 }
 
 /// Of one pixel and cell, the points of 2^k frames in a row from a multiple of 2^k are one in each of 2^k subcells of every
-/// shape.
+/// shape, which lie where those of the first pixel do, moved by what does not depend on the frame.
 #[test]
 fn frames_are_stratified() {
     for count in [2_u32, 4, 8, 16, 64, 256] {
         for (pixel, index) in [([0, 0], 0), ([7, 12], 1), ([333, 18], 3)] {
+            let moved = within_cell(pixel, index, 0) - within_cell([0, 0], index, 0);
             for start in [0, 5 * count, (1 << 20) - count] {
                 for columns in (0..=count.ilog2()).map(|power| 1_u32 << power) {
                     let rows = count / columns;
                     let mut taken = vec![false; count as usize];
                     for frame in start..start + count {
-                        let point = cell_point(pixel, index, [2, 2], frame);
-                        let cell = DVec2::new(f64::from(index % 2), f64::from(index / 2));
-                        let within = point * 2.0 - cell;
+                        // Twice the rounding of a coordinate, 2^-24, so that none falls below where it was.
+                        let within = within_cell(pixel, index, frame) - moved + 2e-7;
+                        let within = within - within.floor();
                         let x = (within.x * f64::from(columns)) as u32;
                         let y = (within.y * f64::from(rows)) as u32;
                         let at = (y * columns + x) as usize;
@@ -903,8 +960,7 @@ fn frames_fill_the_cells() {
         let mut counts = [0_u32; 64];
         let frames = 6400;
         for frame in 0..frames {
-            let within = cell_point(pixel, index, [2, 2], frame) * 2.0
-                - DVec2::new(f64::from(index % 2), f64::from(index / 2));
+            let within = within_cell(pixel, index, frame);
             let [x, y] = [within.x, within.y].map(|v| ((v * 8.0) as usize).min(7));
             counts[y * 8 + x] += 1;
         }

@@ -258,6 +258,9 @@ impl Stage {
         };
         let settings = HitReconstructorSettings {
             radius: job.radius,
+            spread: f32::INFINITY,
+            hit_distances: f32::INFINITY,
+            damping: f32::INFINITY,
             f0: F0,
             ..HitReconstructorSettings::default()
         };

@@ -117,15 +117,15 @@ fn triangle_of(entered: Entered, bit: u32) -> u32 {
   return entered.first_triangle + countOneBits(entered.present & ((1u << bit) - 1u));
 }
 
-// Whether the ray meets a triangle closer than t_max. Of a node's children it goes first into those that are most likely to
-// stop it.
-fn trace_any(ray: Ray, t_max: f32) -> bool {
+// Where the ray meets a triangle closer than t_max, which need not be the nearest one, or FAR where it meets none. Of a node's
+// children it goes first into those that are most likely to stop it.
+fn trace_any(ray: Ray, t_max: f32) -> f32 {
   // Of eight successive nodes those that are to be visited: bits 0 to 7, and from bit 8 on the first one's index.
   var stack: array<u32, MAX_DEPTH>;
   var top = 0u;
   var open = 1u;
   var entered: Entered;
-  var blocked = false;
+  var found = FAR;
   loop {
     // Down to the next leaves.
     while entered.triangles == 0u && (open & 0xffu) != 0u {
@@ -146,16 +146,16 @@ fn trace_any(ray: Ray, t_max: f32) -> bool {
     if entered.triangles == 0u {
       break;
     }
-    while entered.triangles != 0u && !blocked {
+    while entered.triangles != 0u && found == FAR {
       let hit = intersect_triangle(ray, triangle_of(entered, firstTrailingBit(entered.triangles)));
       entered.triangles &= entered.triangles - 1u;
-      blocked = hit.t < t_max;
+      found = select(FAR, hit.t, hit.t < t_max);
     }
-    if blocked {
+    if found < FAR {
       break;
     }
   }
-  return blocked;
+  return found;
 }
 
 // A distance as a byte that is not larger and has its order: 3 bits after the first and an exponent of 2^-16 to 2^15, which is

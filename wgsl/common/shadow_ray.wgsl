@@ -8,5 +8,5 @@ fn unshadowed(point: vec3f, light: Light) -> f32 {
   if light.kind != DIRECTIONAL {
     ray.end_size = max_component(abs(light.position));
   }
-  return select(1.0, 0.0, trace_any(ray, way.distance));
+  return select(1.0, 0.0, trace_any(ray, way.distance) < FAR);
 }
