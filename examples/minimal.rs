@@ -5,9 +5,8 @@
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, BvhBuilder, Camera,
-    CloudCapacity, Geometry, HitReconstructor, HitReconstructorDescriptor, HitReconstructorInput,
-    HitReconstructorSettings, Payload, Primitives, Reach, Sampling, SurfelCounts, Surfelizer,
-    SurfelizerInput, SurfelizerSettings, Viewport, scenes, wgpu,
+    CloudCapacity, Geometry, HitReconstructorInput, HitReconstructorSettings, Primitives, Reach,
+    SurfelCounts, Surfelizer, SurfelizerInput, SurfelizerSettings, Viewport, scenes, wgpu,
 };
 use support::{
     gpu::{Ask, Gpu},
@@ -45,13 +44,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let surfelizer = Surfelizer::new(device, None)?;
     let builder = BvhBuilder::new(device, Primitives::Triangles, None)?;
     let tracer = BouncedZBuffer::new(device, &BouncedDescriptor::default(), None)?;
-    let descriptor = HitReconstructorDescriptor {
-        payload: Payload::Occlusion,
-        sampling: Sampling::Cosine,
-        deferred: false,
-        target: format,
-    };
-    let resolver = HitReconstructor::new(device, &descriptor, None)?;
+    let resolver = tracer.reconstructor(device, format, false, None)?;
 
     // Once a scene: room for its triangles. Once a view: textures of its size.
     let rays = BouncedSettings {
@@ -76,7 +69,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut cloud = surfelizer.create_cloud(device, capacity)?;
     let bvh = builder.create(device, &cloud)?;
     let hits = tracer.create_view(device, WIDTH, HEIGHT, rays.directions)?;
-    let scratch = resolver.create_view(device, WIDTH, HEIGHT)?;
+    let scratch = resolver.create_view(device, &hits)?;
 
     // Every frame: the triangles, relative to a point near what is seen …
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -104,10 +97,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // … and the picture.
     let input = HitReconstructorInput {
         gbuffer: drawn.gbuffer(),
-        camera: &camera,
-        cloud: &cloud,
         hits: &hits,
-        traced: &rays,
         roughness: None,
         target: target.texture().into(),
         timestamps: None,

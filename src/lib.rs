@@ -60,9 +60,7 @@
 //!     let surfelizer = Surfelizer::new(device, None)?;
 //!     let builder = BvhBuilder::new(device, Primitives::Triangles, None)?;
 //!     let tracer = BouncedZBuffer::new(device, &BouncedDescriptor::default(), None)?;
-//!     let descriptor = HitReconstructorDescriptor {
-//!         payload: Payload::Occlusion, sampling: Sampling::Cosine, deferred: false, target: wgpu::TextureFormat::R8Unorm };
-//!     let resolver = HitReconstructor::new(device, &descriptor, None)?;
+//!     let resolver = tracer.reconstructor(device, wgpu::TextureFormat::R8Unorm, false, None)?;
 //!
 //!     // Once a scene and a view: room. Occluders count up to 2 world units away.
 //!     let rays = BouncedSettings { directions: 8, radius: 2.0, ..Default::default() };
@@ -75,18 +73,17 @@
 //!     let bvh = builder.create(device, &cloud)?;
 //!     let viewport = camera.viewport();
 //!     let hits = tracer.create_view(device, viewport.width, viewport.height, rays.directions)?;
-//!     let scratch = resolver.create_view(device, viewport.width, viewport.height)?;
+//!     let scratch = resolver.create_view(device, &hits)?;
 //!
 //!     // Every frame: four recordings.
 //!     let input = SurfelizerInput { geometry, camera, cull_by: &[*camera], timestamps: None };
 //!     surfelizer.record(device, encoder, &input, &settings, &mut cloud)?;
 //!     builder.record(device, encoder, &cloud, &bvh, None)?;
-//!     let (cloud, bvh, hits, traced) = (&cloud, &bvh, &hits, &rays);
+//!     let (cloud, bvh, hits) = (&cloud, &bvh, &hits);
 //!     let input = BouncedInput {
 //!         gbuffer, camera, cloud, bvh, radiance: None, lighting: None, roughness: None, timestamps: None };
-//!     tracer.record(device, encoder, &input, traced, hits)?;
-//!     let input = HitReconstructorInput {
-//!         gbuffer, camera, cloud, hits, traced, roughness: None, target: target.into(), timestamps: None };
+//!     tracer.record(device, encoder, &input, &rays, hits)?;
+//!     let input = HitReconstructorInput { gbuffer, hits, roughness: None, target: target.into(), timestamps: None };
 //!     resolver.record(device, encoder, &input, &Default::default(), &scratch)
 //! }
 //! ```

@@ -330,15 +330,12 @@ fn memory_stays() {
     let input = HitReconstructorInput {
         gbuffer,
         roughness: None,
-        camera,
-        cloud: &cloud,
         hits: &hits,
-        traced: &traced,
         target: target.into(),
         timestamps: None,
     };
     soak.pass("hits", |encoder| {
-        let means = gatherer.create_view(device, SIDE, SIDE)?;
+        let means = gatherer.create_view(device, &hits)?;
         let settings = HitReconstructorSettings::default();
         gatherer.record(device, encoder, &input, &settings, &means)
     });

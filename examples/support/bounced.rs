@@ -164,9 +164,10 @@ impl Gatherer {
         };
         let bounced = BouncedZBuffer::new(device, &bounced, None)?;
         let reconstructor = HitReconstructor::new(device, &descriptor, None)?;
+        let view = bounced.create_view(device, width, height, directions)?;
         Ok(Self {
-            view: bounced.create_view(device, width, height, directions)?,
-            scratch: reconstructor.create_view(device, width, height)?,
+            scratch: reconstructor.create_view(device, &view)?,
+            view,
             target: gpu.target(descriptor.target, width, height),
             descriptor,
             lighting,
@@ -220,10 +221,7 @@ impl Gatherer {
                 &HitReconstructorInput {
                     gbuffer: raster.gbuffer(),
                     roughness: roughness.map(Into::into),
-                    camera,
-                    cloud: &scene.cloud,
                     hits: &self.view,
-                    traced,
                     target: self.target.texture().into(),
                     timestamps: None,
                 },

@@ -14,7 +14,7 @@ use self::{
     descriptor::{BouncedDescriptor, HitLighting, Lighting, Payload},
     params::{BouncedParams, DiskParams, LightsParams, MAX_LIGHTS},
     settings::{BouncedSettings, MAX_DIRECTIONS, Sampling},
-    view::{BouncedView, Hits},
+    view::{BouncedView, Hits, Traced},
 };
 use crate::{
     bvh::{Bvh, Primitives},
@@ -82,6 +82,11 @@ pub struct BouncedInput<'a> {
 }
 
 impl BouncedZBuffer {
+    /// What it was compiled for.
+    pub(crate) fn descriptor(&self) -> &BouncedDescriptor {
+        &self.descriptor
+    }
+
     /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`.
     ///
     /// # Errors
@@ -266,7 +271,12 @@ impl BouncedZBuffer {
             }
         };
 
-        view.recorded.set((*settings, cloud.last()?));
+        view.recorded.set(Traced {
+            settings: *settings,
+            camera: *input.camera,
+            origin: cloud.origin(),
+            of: cloud.last()?,
+        });
         if let Some(statistics) = &view.statistics {
             encoder.clear_buffer(statistics, 0, None);
         }

@@ -1,9 +1,11 @@
 //! One view's receivers and hits.
 
+use glam::DVec3;
 use wgpu::{Buffer, TextureFormat, TextureView};
 
 use super::{descriptor::BouncedDescriptor, settings::BouncedSettings};
 use crate::{
+    camera::Camera,
     receivers::{Receivers, plane_bytes},
     recorded::{Last, Stamp},
 };
@@ -26,8 +28,18 @@ pub struct BouncedView {
     pub(crate) descriptor: BouncedDescriptor,
     pub(super) directions: u32,
     pub(super) statistics: Option<Buffer>,
-    /// With what settings, and of which of the cloud's recordings.
-    pub(crate) recorded: Last<(BouncedSettings, Stamp)>,
+    pub(crate) recorded: Last<Traced>,
+}
+
+/// What a view's hits are of.
+#[derive(Clone, Debug)]
+pub(crate) struct Traced {
+    pub settings: BouncedSettings,
+    pub camera: Camera,
+    /// The cloud's.
+    pub origin: DVec3,
+    /// The cloud's recording.
+    pub of: Stamp,
 }
 
 impl BouncedView {

@@ -11,11 +11,11 @@ use wgpu::{
 use self::{params::HitReconstructorParams, settings::HitReconstructorSettings};
 use crate::{
     bounced_z_buffer::{
+        BouncedZBuffer,
         descriptor::{BouncedDescriptor, Payload},
-        settings::{BouncedSettings, Sampling},
-        view::{BouncedView, Hits},
+        settings::Sampling,
+        view::{BouncedView, Hits, Traced},
     },
-    camera::Camera,
     error::Error,
     gbuffer::{GBuffer, check_roughness},
     gpu::{
@@ -27,7 +27,6 @@ use crate::{
     },
     receivers::{plane, plane_bytes},
     shaders::{Listing, name_of},
-    surfel::SurfelCloud,
     texture_slice::{TextureSlice, check_apart},
 };
 
@@ -108,19 +107,39 @@ pub struct HitReconstructorInput<'a> {
     pub gbuffer: GBuffer<'a>,
     /// The roughness that was traced with, as [`BouncedInput::roughness`](crate::BouncedInput::roughness).
     pub roughness: Option<TextureSlice<'a>>,
-    /// Its camera.
-    pub camera: &'a Camera,
-    /// The cloud that was traced.
-    pub cloud: &'a SurfelCloud,
-    /// The hits.
+    /// The hits, traced since their cloud was recorded. They know their camera and settings.
     pub hits: &'a BouncedView,
-    /// The settings that they were traced with.
-    pub traced: &'a BouncedSettings,
     /// The caller's texture, of the descriptor's format, usage `RENDER_ATTACHMENT`, covering the camera's viewport.
     /// Only the viewport is written.
     pub target: TextureSlice<'a>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
+}
+
+impl BouncedZBuffer {
+    /// The pass that makes a picture of this one's hits, in a target of that format: [`HitReconstructor::new`] for the same
+    /// payload and sampling. `deferred` is [`HitReconstructorDescriptor::deferred`].
+    ///
+    /// # Errors
+    /// As [`HitReconstructor::new`].
+    pub fn reconstructor(
+        &self,
+        device: &Device,
+        target: TextureFormat,
+        deferred: bool,
+        cache: Option<&PipelineCache>,
+    ) -> Result<HitReconstructor, Error> {
+        let BouncedDescriptor {
+            payload, sampling, ..
+        } = *self.descriptor();
+        let descriptor = HitReconstructorDescriptor {
+            payload,
+            sampling,
+            deferred,
+            target,
+        };
+        HitReconstructor::new(device, &descriptor, cache)
+    }
 }
 
 impl HitReconstructor {
@@ -208,17 +227,16 @@ impl HitReconstructor {
         })
     }
 
-    /// Room for a view of `width` × `height` pixels.
+    /// Room for the reconstruction of a view's hits.
     ///
     /// # Errors
-    /// [`Error::Setting`] for an empty size, [`Error::Limit`] for one beyond the device's.
+    /// [`Error::Limit`] for more than the device can hold.
     pub fn create_view(
         &self,
         device: &Device,
-        width: u32,
-        height: u32,
+        hits: &BouncedView,
     ) -> Result<HitReconstructorView, Error> {
-        let size = [width, height];
+        let size = hits.size();
         let texture = |label, format| -> Result<_, Error> {
             let texture = plane(device, label, format, size, 1)?;
             Ok(texture.create_view(&wgpu::TextureViewDescriptor::default()))
@@ -240,9 +258,8 @@ impl HitReconstructor {
     ///
     /// # Errors
     /// [`Error::Setting`]; [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target and the G-buffer;
-    /// [`Error::Mismatch`] where hits, view and target disagree with the camera, with what this was made for or with the
-    /// settings that the hits were recorded with; [`Error::Recording`] where they were not recorded from this cloud, since that
-    /// was.
+    /// [`Error::Mismatch`] where the hits are of another kind than this was made for, or the view was made for others;
+    /// [`Error::Recording`] where the hits were not recorded, or not since their cloud was.
     pub fn record(
         &self,
         device: &Device,
@@ -252,26 +269,17 @@ impl HitReconstructor {
         scratch: &HitReconstructorView,
     ) -> Result<(), Error> {
         settings.validate()?;
-        input.traced.validate()?;
         check_timestamps(input.timestamps)?;
-        let albedo = self.check(input, scratch)?;
-        let viewport = input.camera.viewport();
+        let (traced, albedo) = self.check(input, scratch)?;
+        let viewport = traced.camera.viewport();
         let roughness = check_roughness(
             "HitReconstructorInput::roughness",
             input.roughness,
             self.descriptor.glossy().then_some("Sampling::Glossy"),
             viewport,
         )?;
-        let params = uniform(
-            device,
-            LABEL,
-            &HitReconstructorParams::new(
-                settings,
-                input.traced,
-                input.camera,
-                input.cloud.origin(),
-            ),
-        );
+        let params = HitReconstructorParams::new(settings, &traced);
+        let params = uniform(device, LABEL, &params);
         let hits = match &input.hits.hits {
             Hits::Bits(buffer) => whole(buffer),
             Hits::Colors(colors) => view(colors),
@@ -321,50 +329,36 @@ impl HitReconstructor {
         Ok(())
     }
 
-    /// The albedo, where it is needed.
+    /// What was traced, and the albedo where it is needed.
     fn check<'t>(
         &self,
         input: &HitReconstructorInput<'t>,
         scratch: &HitReconstructorView,
-    ) -> Result<Option<TextureSlice<'t>>, Error> {
+    ) -> Result<(Traced, Option<TextureSlice<'t>>), Error> {
         const TARGET: &str = "HitReconstructorInput::target";
-        let viewport = input.camera.viewport();
-        let size = [viewport.width, viewport.height];
+        let BouncedDescriptor {
+            payload, sampling, ..
+        } = input.hits.descriptor;
+        if (payload, sampling) != (self.descriptor.payload, self.descriptor.sampling) {
+            return Err(Error::Mismatch {
+                name: "HitReconstructorInput::hits",
+                found: format!("{payload:?}, {sampling:?}"),
+                needed: format!(
+                    "{:?}, {:?}",
+                    self.descriptor.payload, self.descriptor.sampling
+                ),
+            });
+        }
+        let traced = input.hits.recorded.get("BouncedView")?;
+        traced.of.check_last("BouncedView", "SurfelCloud")?;
+        let viewport = traced.camera.viewport();
+        let size = input.hits.size();
         input.gbuffer.validate(viewport)?;
         screen::check_target(TARGET, &input.target, viewport, self.descriptor.target)?;
         let roughness = input.roughness;
         let roughness = roughness.map(|slice| ("HitReconstructorInput::roughness", slice, 1));
         let reads = input.gbuffer.reads().chain(roughness);
         check_apart(TARGET, &input.target, reads)?;
-        let BouncedDescriptor {
-            payload, sampling, ..
-        } = input.hits.descriptor;
-        if (payload, sampling) != (self.descriptor.payload, self.descriptor.sampling)
-            || input.hits.size() != size
-            || input.hits.directions() < input.traced.directions
-        {
-            return Err(Error::Mismatch {
-                name: "HitReconstructorInput::hits",
-                found: format!(
-                    "{:?} pixels, {} directions, {payload:?}, {sampling:?}",
-                    input.hits.size(),
-                    input.hits.directions()
-                ),
-                needed: format!(
-                    "{size:?} pixels, {} directions, {:?}, {:?}",
-                    input.traced.directions, self.descriptor.payload, self.descriptor.sampling
-                ),
-            });
-        }
-        let (traced, of) = input.hits.recorded.get("BouncedView")?;
-        input.cloud.check_source("BouncedView", &of)?;
-        if traced != *input.traced {
-            return Err(Error::Mismatch {
-                name: "HitReconstructorInput::traced",
-                found: format!("{:?}", input.traced),
-                needed: format!("{traced:?}, which the hits were recorded with"),
-            });
-        }
         if scratch.size != size {
             return Err(Error::Mismatch {
                 name: "HitReconstructorView",
@@ -373,10 +367,10 @@ impl HitReconstructor {
             });
         }
         if !self.descriptor.albedo() {
-            return Ok(None);
+            return Ok((traced, None));
         }
         match input.gbuffer.albedo {
-            Some(albedo) => Ok(Some(albedo)),
+            Some(albedo) => Ok((traced, Some(albedo))),
             None => Err(Error::Mismatch {
                 name: "GBuffer::albedo",
                 found: "none".into(),

@@ -1,12 +1,11 @@
 //! What the GPU reads: `Params` of `wgsl/hit_reconstructor.wgsl`.
 
 use bytemuck::{Pod, Zeroable};
-use glam::DVec3;
 
 use super::settings::HitReconstructorSettings;
 use crate::{
-    bounced_z_buffer::{params::grid, settings::BouncedSettings, words},
-    camera::{Camera, CameraParams},
+    bounced_z_buffer::{params::grid, view::Traced, words},
+    camera::CameraParams,
 };
 
 #[repr(C)]
@@ -60,15 +59,11 @@ pub(crate) fn near_radius(directions: u32) -> u32 {
 }
 
 impl HitReconstructorParams {
-    pub fn new(
-        settings: &HitReconstructorSettings,
-        bounced: &BouncedSettings,
-        camera: &Camera,
-        origin: DVec3,
-    ) -> Self {
+    pub fn new(settings: &HitReconstructorSettings, traced: &Traced) -> Self {
+        let bounced = &traced.settings;
         let [columns, rows] = grid(bounced.directions);
         Self {
-            camera: camera.params(origin),
+            camera: traced.camera.params(traced.origin),
             columns,
             rows,
             frame: bounced.frame,

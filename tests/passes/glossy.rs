@@ -227,7 +227,7 @@ impl Stage {
             target: TextureFormat::Rgba32Float,
         });
         let view = bounced.create_view(device, SIDE, SIDE, job.directions)?;
-        let scratch = reconstructor.create_view(device, SIDE, SIDE)?;
+        let scratch = reconstructor.create_view(device, &view)?;
         let traced = BouncedSettings {
             directions: job.directions,
             frame: job.frame,
@@ -249,10 +249,7 @@ impl Stage {
         let input = HitReconstructorInput {
             gbuffer,
             roughness,
-            camera,
-            cloud: &self.cloud,
             hits: &view,
-            traced: &traced,
             target: target.texture().into(),
             timestamps: None,
         };

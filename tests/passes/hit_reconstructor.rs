@@ -199,13 +199,7 @@ fn reconstruction_is_the_mirrors() {
                         nearness: &nearness,
                     };
                     let expected = mirror.reconstruct(&mirror.average(), &mirror.near());
-                    let found = lab.reconstruct(
-                        reconstructor,
-                        &shot,
-                        &senders,
-                        (&hits, &traced),
-                        &settings,
-                    );
+                    let found = lab.reconstruct(reconstructor, &shot, &hits, &settings);
                     let brightest = incoming
                         .iter()
                         .map(|c| c.max_element())
@@ -251,7 +245,7 @@ fn openness(
     let lab = lab();
     let reconstructor = lab.reconstructor(Payload::Occlusion, sampling, deferred);
     let hits = lab.trace(shot, senders, None, traced, sampling);
-    lab.reconstruct(reconstructor, shot, senders, (&hits, traced), settings)
+    lab.reconstruct(reconstructor, shot, &hits, settings)
         .into_iter()
         .map(|texel| f64::from(texel[0]))
         .collect()
@@ -417,8 +411,7 @@ fn furnace_is_uniform() {
                 let traced = traced(directions);
                 let hits = lab.trace(&shot, &senders, Some(&buffer), &traced, sampling);
                 let filter = HitReconstructorSettings::default();
-                let found =
-                    lab.reconstruct(reconstructor, &shot, &senders, (&hits, &traced), &filter);
+                let found = lab.reconstruct(reconstructor, &shot, &hits, &filter);
                 for (i, found) in found.into_iter().enumerate() {
                     let expected =
                         albedo(&scene, &shot, i) * DVec3::new(1.0, 2.0, 0.0) * f64::from(sent);
@@ -456,8 +449,7 @@ fn no_directions_are_open_and_dark() {
                 lab.trace_into(&shot, &senders, radiance, &traced, Sampling::Cosine, &view);
             }
             let filter = HitReconstructorSettings::default();
-            let traced = traced(0);
-            let found = lab.reconstruct(reconstructor, &shot, &senders, (&view, &traced), &filter);
+            let found = lab.reconstruct(reconstructor, &shot, &view, &filter);
             let expected = if radiance.is_some() { 0.0 } else { 1.0 };
             for (i, found) in found.into_iter().enumerate() {
                 assert_eq!(
@@ -557,7 +549,7 @@ fn one_bounce_is_the_tracers() {
         let hits = lab.trace(&shot, &senders, Some(&radiance), &traced, Sampling::Cosine);
         let reconstructor = lab.reconstructor(Payload::Radiance, Sampling::Cosine, true);
         let filter = HitReconstructorSettings::default();
-        let found = lab.reconstruct(reconstructor, &shot, &senders, (&hits, &traced), &filter);
+        let found = lab.reconstruct(reconstructor, &shot, &hits, &filter);
         let truth = shot.tracer.one_bounce_image(
             &tracer_receivers(&shot),
             &scene.triangle_materials(),
@@ -837,28 +829,16 @@ fn what_does_not_fit_is_a_typed_error() {
     }
     let format = wgpu::TextureFormat::Rgba32Float;
     let reconstructor = lab.reconstructor(Payload::Radiance, Sampling::Cosine, true);
-    let scratch = reconstructor.create_view(device, 16, 8).expect("a view");
-    for size in [[0, 8], [16, 0]] {
-        let made = reconstructor.create_view(device, size[0], size[1]);
-        assert_eq!(named(made.map(|_| ())), "view size");
-    }
-    let limit = device.limits().max_texture_dimension_2d;
-    assert!(matches!(
-        reconstructor.create_view(device, 16, limit + 1),
-        Err(Error::Limit { .. })
-    ));
     let view = |payload, sampling, directions| lab.view(&shot, payload, sampling, directions);
     let four = traced(4);
     let dark = vec![SurfelRadiance::default(); senders.cloud.capacity().surfels as usize];
     let dark = lab.gpu.buffer(&dark, wgpu::BufferUsages::STORAGE);
     let hits = lab.trace(&shot, &senders, Some(&dark), &four, Sampling::Cosine);
+    let scratch = reconstructor.create_view(device, &hits).expect("a view");
     let target = lab.gpu.target(format, 16, 8);
     let input = HitReconstructorInput {
         gbuffer: shot.lit_gbuffer(),
-        camera: &shot.camera,
-        cloud: &senders.cloud,
         hits: &hits,
-        traced: &four,
         target: target.texture().into(),
         timestamps: None,
         roughness: None,
@@ -876,20 +856,12 @@ fn what_does_not_fit_is_a_typed_error() {
         named(record(&input, &wide)),
         "HitReconstructorSettings::radius"
     );
-    let bad_traced = traced(65);
-    let bad = HitReconstructorInput {
-        traced: &bad_traced,
-        ..input
-    };
-    assert_eq!(named(record(&bad, &default)), "BouncedSettings::directions");
 
-    // Hits of another kind or size, or of fewer directions.
+    // Hits of another kind, and a view for another size.
     let narrow = shot_of(&scene, 0, [8, 8]);
     for hits in [
         view(Payload::Occlusion, Sampling::Cosine, 4),
         view(Payload::Radiance, Sampling::Uniform, 4),
-        view(Payload::Radiance, Sampling::Cosine, 3),
-        lab.view(&narrow, Payload::Radiance, Sampling::Cosine, 4),
     ] {
         let bad = HitReconstructorInput {
             hits: &hits,
@@ -897,7 +869,8 @@ fn what_does_not_fit_is_a_typed_error() {
         };
         assert_eq!(named(record(&bad, &default)), "HitReconstructorInput::hits");
     }
-    let small = reconstructor.create_view(device, 16, 9).expect("a view");
+    let small = lab.view(&narrow, Payload::Radiance, Sampling::Cosine, 4);
+    let small = reconstructor.create_view(device, &small).expect("a view");
     let mut encoder = lab.gpu.encoder();
     let wrong = reconstructor.record(device, &mut encoder, &input, &default, &small);
     assert_eq!(named(wrong), "HitReconstructorView");

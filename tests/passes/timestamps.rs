@@ -229,13 +229,10 @@ fn recordings_from_surfels_write_their_times() {
         target: format,
     };
     let reconstructor = pipelines::hit_reconstructor(&descriptor);
-    let scratch = reconstructor.create_view(device, 16, 16).expect("a view");
+    let scratch = reconstructor.create_view(device, &hits).expect("a view");
     let input = HitReconstructorInput {
         gbuffer: shot.gbuffer(),
-        camera: &shot.camera,
-        cloud: &cloud,
         hits: &hits,
-        traced: &traced,
         target: target.texture().into(),
         timestamps: Some(times.stamps(8)),
         roughness: None,

@@ -235,8 +235,7 @@ impl Lab {
         &self,
         reconstructor: &HitReconstructor,
         shot: &Shot,
-        senders: &Senders,
-        (hits, traced): (&BouncedView, &BouncedSettings),
+        hits: &BouncedView,
         settings: &HitReconstructorSettings,
     ) -> Vec<[f32; 4]> {
         let device = &self.gpu.device;
@@ -246,19 +245,14 @@ impl Lab {
             width,
             height,
         } = shot.camera.viewport();
-        let scratch = reconstructor
-            .create_view(device, width, height)
-            .expect("a view");
+        let scratch = reconstructor.create_view(device, hits).expect("a view");
         let target = self
             .gpu
             .target(wgpu::TextureFormat::Rgba32Float, x + width, y + height);
         let mut encoder = self.gpu.encoder();
         let input = HitReconstructorInput {
             gbuffer: shot.lit_gbuffer(),
-            camera: &shot.camera,
-            cloud: &senders.cloud,
             hits,
-            traced,
             target: target.texture().into(),
             timestamps: None,
             roughness: None,

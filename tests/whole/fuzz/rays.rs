@@ -163,7 +163,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let reconstructor = case.once(descriptor, |device| {
         HitReconstructor::new(device, &descriptor, None)
     })?;
-    let scratch = reconstructor.create_view(device, viewport.width, viewport.height);
+    let scratch = reconstructor.create_view(device, &view);
     let scratch = case.accept(scratch)?;
     let target = inputs::target(
         case,
@@ -185,10 +185,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let input = HitReconstructorInput {
         gbuffer: gbuffer.gbuffer(),
         roughness,
-        camera: &camera,
-        cloud,
         hits: &view,
-        traced: &settings,
         target: target.slice(),
         timestamps: case.timestamps(),
     };

@@ -497,15 +497,12 @@ fn hits_picture(lab: &Lab, gbuffer: GBuffer<'_>) -> Vec<[f32; 4]> {
         target: Format::Rgba32Float,
     };
     let pass = HitReconstructor::new(device, &descriptor, None).expect("pipelines");
-    let scratch = pass.create_view(device, SIDE, SIDE).expect("a view");
+    let scratch = pass.create_view(device, &hits).expect("a view");
     let target = lab.gpu.target(Format::Rgba32Float, SIDE, SIDE);
     let input = HitReconstructorInput {
         gbuffer,
         roughness: None,
-        camera: &lab.camera,
-        cloud: &cloud,
         hits: &hits,
-        traced: &traced,
         target: target.texture().into(),
         timestamps: None,
     };
