@@ -217,15 +217,16 @@ impl Tracing<'_> {
 
     /// As [`BouncedView::nearness`](crate::BouncedView::nearness), of the nearest hits.
     pub fn nearness(&self) -> Vec<u32> {
-        let per_pixel = self.settings.directions as usize;
         let mut nearness = vec![0; self.receivers.len()];
-        if per_pixel > 0 {
-            for (i, hit) in self.hits().iter().enumerate() {
-                let pixel = i / per_pixel;
-                if let (Some(hit), Some(receiver)) = (hit, self.receivers[pixel]) {
-                    let relative = receiver.position - (self.camera.eye() - self.origin);
-                    let side = self.camera.footprint().at(relative);
-                    nearness[pixel] += (side / hit.t.max(side) * NEAREST).round() as u32;
+        if self.settings.directions > 0 {
+            let hits = self.hits();
+            let of_pixels = hits.chunks(self.settings.directions as usize);
+            for ((sum, hits), receiver) in nearness.iter_mut().zip(of_pixels).zip(self.receivers) {
+                let Some(receiver) = receiver else { continue };
+                let relative = receiver.position - (self.camera.eye() - self.origin);
+                let side = self.camera.footprint().at(relative);
+                for hit in hits.iter().flatten() {
+                    *sum += (side / hit.t.max(side) * NEAREST).round() as u32;
                 }
             }
         }

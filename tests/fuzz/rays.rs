@@ -173,6 +173,9 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     );
     let filter = HitReconstructorSettings {
         radius: case.random.count(0, 16),
+        spread: case.random.scale(f32::MIN_POSITIVE, f32::INFINITY),
+        hit_distances: case.random.scale(f32::MIN_POSITIVE, f32::INFINITY),
+        damping: case.random.scale(0.01, f32::INFINITY),
         plane_distance: case.random.scale(f32::MIN_POSITIVE, f32::MAX),
         normal_power: case.random.scale(8.0, 1000.0),
         deviations: case.random.setting(0.0, 100.0),
