@@ -285,6 +285,9 @@ alias Value = vec3f;
 alias Value = f32;
 #endif
 
+// Neighbours are not taken to be farther away than so many units: what is beyond is seen at too grazing an angle to tell slopes.
+const FARTHEST: f32 = 1000.0;
+
 fn value_of(color: vec3f) -> Value {
 #if RADIANCE
   return color;
@@ -391,7 +394,7 @@ fn reconstruct(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
 #else
       let weighted = weight * (value_of(theirs.xyz) - own_value);
 #endif
-      let place = (d * frame).xy * per_spread;
+      let place = clamp((d * frame).xy * per_spread, vec2f(-FARTHEST), vec2f(FARTHEST));
       weights += weight;
       moments += weight * place;
       squares += weight * vec3f(place * place, place.x * place.y);

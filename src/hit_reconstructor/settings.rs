@@ -78,11 +78,12 @@ impl HitReconstructorSettings {
     /// The same for light, whose detail is finer and noise coarser. Measured in two views of one scene, at 8 and 40.
     pub fn for_light(directions: u32) -> Self {
         let few = directions.clamp(1, 64) as f32;
-        let spread = (16.0 * few.powf(-0.55)).min(6.0);
+        let spread = (19.0 * few.powf(-0.6)).min(6.0);
         Self {
             radius: (1.8 * spread).round() as u32,
             spread,
             damping: 0.3,
+            normal_power: (0.6 * few).max(8.0),
             ..Self::default()
         }
     }

@@ -40,6 +40,9 @@ pub struct HitReconstruction<'a> {
     pub nearness: &'a [u32],
 }
 
+/// Neighbours are not taken to be farther away than so many units.
+const FARTHEST: f64 = 1000.0;
+
 /// A pixel's own mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Mean {
@@ -243,7 +246,8 @@ impl HitReconstruction<'_> {
                     weight = shares;
                     weighted -= weight * own.mean;
                 }
-                let place = (frame.transpose() * d).truncate() * per_spread;
+                let place = ((frame.transpose() * d).truncate() * per_spread)
+                    .clamp(DVec2::splat(-FARTHEST), DVec2::splat(FARTHEST));
                 weights += weight;
                 moments += weight * place;
                 squares += weight * (place * place).extend(place.x * place.y);
