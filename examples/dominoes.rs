@@ -15,8 +15,8 @@ use std::{
 
 use clap::Parser;
 use deep_screen_space::{
-    BouncedSettings, Camera, CloudCapacity, HitReconstructorDescriptor, HitReconstructorSettings,
-    Light, Lighting, Payload, Sampling, SurfelizerSettings, TemporalSettings, Viewport,
+    BouncedSettings, Camera, CloudCapacity, HitResolverDescriptor, HitResolverSettings, Light,
+    Lighting, Payload, Sampling, SurfelizerSettings, TemporalSettings, Viewport,
     glam::{DVec3, Vec3},
     reference::{
         gbuffer::{self, Pixel},
@@ -165,7 +165,7 @@ impl<'o> Studio<'o> {
         scene.materials[0].albedo = [0.12, 0.11, 0.1];
         let buffers = SceneBuffers::new(&gpu, &scene);
         let gatherer = |sampling, deferred| {
-            let descriptor = HitReconstructorDescriptor {
+            let descriptor = HitResolverDescriptor {
                 payload: Payload::Radiance,
                 sampling,
                 deferred,
@@ -286,14 +286,14 @@ impl<'o> Studio<'o> {
         let traced = BouncedSettings {
             directions,
             frame,
-            background: SKY,
+            sky_radiance: SKY,
             ..BouncedSettings::default()
         };
-        let settings = HitReconstructorSettings {
+        let settings = HitResolverSettings {
             radius: window,
             deviations: if window > 0 { 4.0 } else { 0.0 },
             f0: F0,
-            ..HitReconstructorSettings::default()
+            ..HitResolverSettings::default()
         };
         let roughness = match kind {
             Kind::Diffuse => None,

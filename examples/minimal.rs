@@ -5,7 +5,7 @@
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, BvhBuilder, Camera,
-    CloudCapacity, Geometry, HitReconstructorInput, HitReconstructorSettings, Primitives, Reach,
+    CloudCapacity, Geometry, HitResolverInput, HitResolverSettings, Primitives, Reach,
     SurfelCounts, Surfelizer, SurfelizerInput, SurfelizerSettings, Viewport, scenes, wgpu,
 };
 use support::{
@@ -44,7 +44,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let surfelizer = Surfelizer::new(device, None)?;
     let builder = BvhBuilder::new(device, Primitives::Triangles, None)?;
     let tracer = BouncedZBuffer::new(device, &BouncedDescriptor::default(), None)?;
-    let resolver = tracer.reconstructor(device, format, false, None)?;
+    let resolver = tracer.resolver(device, format, false, None)?;
 
     // Once a scene: room for its triangles. Once a view: textures of its size.
     let rays = BouncedSettings {
@@ -95,14 +95,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     tracer.record(device, &mut encoder, &input, &rays, &hits)?;
     // … and the picture.
-    let input = HitReconstructorInput {
+    let input = HitResolverInput {
         gbuffer: drawn.gbuffer(),
         hits: &hits,
         roughness: None,
         target: target.texture().into(),
         timestamps: None,
     };
-    let filter = HitReconstructorSettings::default();
+    let filter = HitResolverSettings::default();
     resolver.record(device, &mut encoder, &input, &filter, &scratch)?;
     // The counts are copied too: whether the triangles found room is known without waiting.
     let counts = device.create_buffer(&wgpu::BufferDescriptor {

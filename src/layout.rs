@@ -13,7 +13,7 @@ use crate::{
     camera::CameraParams,
     depth_moments::DepthMomentsParams,
     gpu::sort::SortParams,
-    hit_reconstructor::params::HitReconstructorParams,
+    hit_resolver::params::HitResolverParams,
     light::LightParams,
     multi_res_mask::params::{EdgeParams, LevelParams},
     multi_res_reconstructor::params::MultiResReconstructorParams,
@@ -208,9 +208,9 @@ fn structs_match_the_shaders() {
     let lights = fields!(LightsParams: lights, count);
     let name = "bounced_z_buffer radiance lit";
     check(&ao, name, "Lights", &lights, size_of::<LightsParams>());
-    let bounced = fields!(BouncedParams: size, columns, rows, frame, words, surfel_capacity, background,
+    let bounced = fields!(BouncedParams: size, columns, rows, frame, words, surfel_capacity, sky_radiance,
         world_radius);
-    let hits = fields!(HitReconstructorParams: camera, columns, rows, frame, words, radius, plane_distance,
+    let hits = fields!(HitResolverParams: camera, columns, rows, frame, words, radius, plane_distance,
         normal_power, deviations, f0, near_radius, falloff, per_hit_distance, damping, spread);
     for payload in [
         "occlusion",
@@ -227,10 +227,10 @@ fn structs_match_the_shaders() {
         );
         check(
             &ao,
-            &format!("hit_reconstructor {payload} average"),
+            &format!("hit_resolver {payload} average"),
             "Params",
             &hits,
-            size_of::<HitReconstructorParams>(),
+            size_of::<HitResolverParams>(),
         );
     }
     let bvh = fields!(BvhParams: capacity, level, threads);

@@ -12,7 +12,7 @@
 //! * [`Reconstructor`]: the sums smoothed, added up and written into the caller's texture.
 //! * [`BouncedZBuffer`] in place of the splatter, where it matters what hides what: what each pixel meets first along N
 //!   directions of its own, exactly. Its noise falls with N, and nothing else is approximate.
-//! * [`HitReconstructor`]: ambient visibility, or one bounce of diffuse or glossy light, from those hits and the neighbours'.
+//! * [`HitResolver`]: ambient visibility, or one bounce of diffuse or glossy light, from those hits and the neighbours'.
 //! * [`MultiResMask`] and [`MultiResReconstructor`]: an effect at the resolution that each part of the image needs, and
 //!   [`SoftShadows`] and [`ScreenSpaceGi`], which can be computed so (Besenthal, Maisch and Ropinski, *Multi-Resolution
 //!   Rendering for Computationally Expensive Lighting Effects*, 2019).
@@ -60,7 +60,7 @@
 //!     let surfelizer = Surfelizer::new(device, None)?;
 //!     let builder = BvhBuilder::new(device, Primitives::Triangles, None)?;
 //!     let tracer = BouncedZBuffer::new(device, &BouncedDescriptor::default(), None)?;
-//!     let resolver = tracer.reconstructor(device, wgpu::TextureFormat::R8Unorm, false, None)?;
+//!     let resolver = tracer.resolver(device, wgpu::TextureFormat::R8Unorm, false, None)?;
 //!
 //!     // Once a scene and a view: room. Occluders count up to 2 world units away.
 //!     let rays = BouncedSettings { directions: 8, radius: 2.0, ..Default::default() };
@@ -83,7 +83,7 @@
 //!     let input = BouncedInput {
 //!         gbuffer, camera, cloud, bvh, radiance: None, lighting: None, roughness: None, timestamps: None };
 //!     tracer.record(device, encoder, &input, &rays, hits)?;
-//!     let input = HitReconstructorInput { gbuffer, hits, roughness: None, target: target.into(), timestamps: None };
+//!     let input = HitResolverInput { gbuffer, hits, roughness: None, target: target.into(), timestamps: None };
 //!     resolver.record(device, encoder, &input, &Default::default(), &scratch)
 //! }
 //! ```
@@ -106,7 +106,7 @@ mod error;
 mod gbuffer;
 mod geometry;
 mod gpu;
-mod hit_reconstructor;
+mod hit_resolver;
 #[cfg(test)]
 mod layout;
 mod light;
@@ -153,9 +153,9 @@ pub use geometry::{
     Vertices,
 };
 pub use gpu::Timestamps;
-pub use hit_reconstructor::{
-    HitReconstructor, HitReconstructorDescriptor, HitReconstructorInput, HitReconstructorView,
-    settings::HitReconstructorSettings,
+pub use hit_resolver::{
+    HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverView,
+    settings::HitResolverSettings,
 };
 pub use light::Light;
 pub use multi_res_mask::{
@@ -208,4 +208,4 @@ pub use volumetric_obscurance::{
     samples::{BallSamples, DiskSamples},
     settings::{Combine, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume, SecondRadius},
 };
-pub use work::WorkList;
+pub use work::PixelList;

@@ -7,7 +7,7 @@ use crate::{
     effect::Effect,
     error::Error,
     gpu::{scan, sort},
-    hit_reconstructor, multi_res_mask, multi_res_reconstructor, receivers, reconstructor,
+    hit_resolver, multi_res_mask, multi_res_reconstructor, receivers, reconstructor,
     reflective_shadow_map, screen_space_gi, sg_hull, shell_splatter, soft_shadows, surfel_shader,
     surfelizer, temporal_accumulator, volumetric_obscurance,
 };
@@ -26,7 +26,7 @@ const PASSES: &[List] = &[
     reconstructor::list,
     bvh::list,
     bounced_z_buffer::list,
-    hit_reconstructor::list,
+    hit_resolver::list,
     temporal_accumulator::list,
     multi_res_mask::list,
     multi_res_reconstructor::list,

@@ -26,7 +26,7 @@ pub(crate) const LEVELS: u32 = 4;
 /// `min(2^l (x, y) + ⌊2^l / 2⌋, size − 1)` of the viewport: an effect reads the whole G-buffer there and computes exactly what
 /// it would compute there for the whole image.
 #[derive(Clone, Copy, Debug)]
-pub struct WorkList<'a> {
+pub struct PixelList<'a> {
     /// The sub-image, 0…3; 0 is the whole image.
     pub level: u32,
     /// `u32`s: how many pixels, then `x | y << 16` of each, in pixels of the sub-image; room for all of the level's pixels.
@@ -36,16 +36,21 @@ pub struct WorkList<'a> {
     pub dispatch: &'a Buffer,
 }
 
-const PIXELS: &str = "WorkList::pixels";
+const PIXELS: &str = "PixelList::pixels";
 
-impl WorkList<'_> {
+impl PixelList<'_> {
     /// Checks the level, and both buffers against it.
     ///
     /// # Errors
     /// [`Error::Setting`] for the level, [`Error::Buffer`] for a buffer that is too small or lacks a usage.
     pub fn validate(&self, viewport: Viewport) -> Result<(), Error> {
-        const DISPATCH: &str = "WorkList::dispatch";
-        check_setting(self.level < LEVELS, "WorkList::level", self.level, "0 to 3")?;
+        const DISPATCH: &str = "PixelList::dispatch";
+        check_setting(
+            self.level < LEVELS,
+            "PixelList::level",
+            self.level,
+            "0 to 3",
+        )?;
         check_usage(PIXELS, self.pixels)?;
         check_size(PIXELS, self.pixels, self.bytes(viewport))?;
         if !self.dispatch.usage().contains(BufferUsages::INDIRECT) {
@@ -89,7 +94,7 @@ pub(crate) fn list_bytes(size: [u32; 2], level: u32) -> u64 {
 pub(crate) fn check_work(
     device: &Device,
     name: &'static str,
-    work: Option<&WorkList<'_>>,
+    work: Option<&PixelList<'_>>,
     viewport: Viewport,
     target: &TextureSlice<'_>,
     format: TextureFormat,
@@ -180,7 +185,7 @@ impl WorkKernel {
         device: &Device,
         encoder: &mut CommandEncoder,
         mut resources: Vec<(u32, BindingResource<'a>)>,
-        work: Option<&'a WorkList<'_>>,
+        work: Option<&'a PixelList<'_>>,
         viewport: Viewport,
         timestamps: Option<Timestamps<'_>>,
     ) {

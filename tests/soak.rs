@@ -12,10 +12,10 @@
 use deep_screen_space::{
     AmbientOcclusion, BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, BvhBuilder,
     Channels, CloudCapacity, ClusterInput, Components, DiskSamples, Error, Gatherer, Geometry,
-    HitReconstructor, HitReconstructorDescriptor, HitReconstructorInput, HitReconstructorSettings,
-    Light, MultiResMask, MultiResMaskInput, MultiResMaskSettings, MultiResReconstructor,
-    MultiResReconstructorInput, MultiResReconstructorSettings, ObscuranceInput, ObscuranceSampling,
-    ObscuranceSettings, ObscuranceVolume, Payload, Primitives, Reconstructor, ReconstructorInput,
+    HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverSettings, Light, MultiResMask,
+    MultiResMaskInput, MultiResMaskSettings, MultiResReconstructor, MultiResReconstructorInput,
+    MultiResReconstructorSettings, ObscuranceInput, ObscuranceSampling, ObscuranceSettings,
+    ObscuranceVolume, Payload, Primitives, Reconstructor, ReconstructorInput,
     ReconstructorSettings, Sampling, ScreenSpaceGi, ScreenSpaceGiInput, ScreenSpaceGiSettings,
     SgHull, SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize, ShadedLight, Shadow,
     ShadowMap, ShellSplatter, ShellSplatterDescriptor, SoftShadows, SoftShadowsInput,
@@ -320,14 +320,14 @@ fn memory_stays() {
     tracer
         .record(device, &mut encoder, &input, &traced, &hits)
         .expect("hits");
-    let descriptor = HitReconstructorDescriptor {
+    let descriptor = HitResolverDescriptor {
         payload: Payload::Occlusion,
         sampling: Sampling::Cosine,
         deferred: false,
         target: format,
     };
-    let gatherer = HitReconstructor::new(device, &descriptor, None).expect("pipelines");
-    let input = HitReconstructorInput {
+    let gatherer = HitResolver::new(device, &descriptor, None).expect("pipelines");
+    let input = HitResolverInput {
         gbuffer,
         roughness: None,
         hits: &hits,
@@ -336,7 +336,7 @@ fn memory_stays() {
     };
     soak.pass("hits", |encoder| {
         let means = gatherer.create_view(device, &hits)?;
-        let settings = HitReconstructorSettings::default();
+        let settings = HitResolverSettings::default();
         gatherer.record(device, encoder, &input, &settings, &means)
     });
     gpu.finish(encoder);

@@ -9,7 +9,7 @@
 //
 // Without #if RADIANCE a hit is a bit; with it, the radiance that the surfel at the hit sends, or with #if LIT what the
 // hit itself sends of the light that reaches it. Senders are a cloud's pieces,
-// or with #if SENDER_DISKS its surfels as disks. With #if GLOSSY directions are those of the pixel's glossy lobe; those
+// or with #if DISKS its surfels as disks. With #if GLOSSY directions are those of the pixel's glossy lobe; those
 // below its horizon are not traced.
 
 #import math
@@ -17,7 +17,7 @@
 #import hashing
 #import receiver
 #import surfel
-#import rooms
+#import slots
 #import triangle
 #import directions
 #import camera
@@ -41,7 +41,7 @@ struct Params {
   surfel_capacity: u32,
   padding: u32,
   // Radiance where nothing is hit.
-  background: vec3f,
+  sky_radiance: vec3f,
   // Farther hits do not count, world units.
   world_radius: f32,
 }
@@ -58,7 +58,7 @@ override SAMPLING: u32 = 0u;
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> counters: Counters;
-#if SENDER_DISKS
+#if DISKS
 @group(0) @binding(2) var nodes: texture_2d<f32>;
 #else
 @group(0) @binding(2) var nodes: texture_2d<u32>;
@@ -74,7 +74,7 @@ override SAMPLING: u32 = 0u;
 #else
 @group(0) @binding(6) var<storage, read> radiance: array<SurfelRadiance>;
 #endif
-#if !SENDER_DISKS
+#if !DISKS
 #if !LIT
 // First surfel of each piece.
 @group(0) @binding(7) var<storage, read> surfel_offsets: array<u32>;
@@ -99,7 +99,7 @@ override SAMPLING: u32 = 0u;
 @group(0) @binding(12) var roughness_texture: texture_2d<f32>;
 #endif
 
-#if SENDER_DISKS
+#if DISKS
 #import disk_walk
 #else
 #import bvh_traverse
@@ -119,16 +119,16 @@ const NEAREST: f32 = 16777216.0;
 
 // Where a pixel's rays start. `side` is its unit normal, `seen_from` the unit vector to where it is seen from, which leads
 // off any other surface that meets its own there: a point of an inner edge may have been rounded to beyond the other one.
-fn off_surface(position: vec3f, side: vec3f, seen_from: vec3f) -> vec3f {
+fn offset_origin(position: vec3f, side: vec3f, seen_from: vec3f) -> vec3f {
   let relative = position - camera.eye;
   let grid = min(GRID * footprint(camera, relative), MOST_OFFSET * length(relative));
-  return position + (side + seen_from) * (rounding(position) + grid);
+  return position + (side + seen_from) * (ray_epsilon(position) + grid);
 }
 
 #if RADIANCE
 // What a pixel's ray meets first.
 fn find(ray: Ray, pixel: vec2u, normal: vec3f) -> Hit {
-#if SENDER_DISKS
+#if DISKS
   return walk_disks(ray, pixel, normal, false);
 #else
   return trace_nearest(ray, params.world_radius);
@@ -137,7 +137,7 @@ fn find(ray: Ray, pixel: vec2u, normal: vec3f) -> Hit {
 
 fn incoming(ray: Ray, hit: Hit) -> vec3f {
   if hit.primitive == MISS {
-    return params.background;
+    return params.sky_radiance;
   }
 #if LIT
   let piece = pieces[hit.primitive];
@@ -146,7 +146,7 @@ fn incoming(ray: Ray, hit: Hit) -> vec3f {
   let side = select(-normal, normal, facing);
   let place = ray.origin + ray.direction * hit.t;
   // Known to the rounding of where the ray started, which may be the farther end.
-  let point = place + (side - ray.direction) * max(rounding(place), rounding(ray.origin));
+  let point = place + (side - ray.direction) * max(ray_epsilon(place), ray_epsilon(ray.origin));
   var irradiance = vec3f(0.0);
   for (var i = 0u; i < lights.count; i++) {
     let arrival = light_at(lights.lights[i], place);
@@ -157,9 +157,9 @@ fn incoming(ray: Ray, hit: Hit) -> vec3f {
   }
   let material = materials[min(piece.material, arrayLength(&materials) - 1u)];
   let own = own_radiosity(material, facing);
-  return min((own + sound(material.albedo) * irradiance) / PI, vec3f(BRIGHTEST));
+  return min((own + sanitize(material.albedo) * irradiance) / PI, vec3f(BRIGHTEST));
 #else
-#if SENDER_DISKS
+#if DISKS
   let surfel = hit.primitive;
   let facing = dot(unpack_normal(sources[surfel].normal), ray.direction) < 0.0;
 #else
@@ -179,7 +179,7 @@ fn incoming(ray: Ray, hit: Hit) -> vec3f {
 #if !RADIANCE
 // Where a pixel's ray meets something, the nearest or not; FAR where it meets nothing.
 fn meet_any(ray: Ray, pixel: vec2u, normal: vec3f) -> f32 {
-#if SENDER_DISKS
+#if DISKS
   let hit = walk_disks(ray, pixel, normal, true);
   return select(hit.t, FAR, hit.primitive == MISS);
 #else
@@ -214,7 +214,7 @@ fn trace_pixel(pixel: vec2u, index: u32) {
 #else
   let direction = hemisphere_direction(point, normal, SAMPLING).direction;
 #endif
-  let ray = make_ray(off_surface(position, normal, seen_from), direction);
+  let ray = make_ray(offset_origin(position, normal, seen_from), direction);
   let place = pixel.y * params.size.x + pixel.x;
 #if RADIANCE
   let hit = find(ray, pixel, normal);

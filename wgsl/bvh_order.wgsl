@@ -9,7 +9,7 @@
 #import hashing
 #import dispatch
 #import surfel
-#import rooms
+#import slots
 
 alias Counter = u32;
 alias StateWord = atomic<u32>;
@@ -43,7 +43,7 @@ fn plan_dispatch(at: u32, workgroups: u32) {
 
 @compute @workgroup_size(64)
 fn plan(@builtin(local_invocation_index) thread: u32) {
-  let count = rooms_taken(counters.pieces, params.capacity);
+  let count = slots_taken(counters.pieces, params.capacity);
   atomicStore(&state.levels[thread], select(0u, 1u, thread == 0u && count > 0u));
   if thread < 6u {
     atomicStore(&state.bounds[thread], select(0u, 0xffffffffu, thread < 3u));

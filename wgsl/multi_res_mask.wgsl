@@ -123,7 +123,7 @@ fn bend(before: Sample, centre: Sample, after: Sample, scale: f32, step_in_scale
 }
 
 // A value of the caller's; NaN is an edge.
-fn sound(value: f32) -> f32 {
+fn sanitize(value: f32) -> f32 {
   return select(1.0, clamp(value, 0.0, 1.0), is_finite(value));
 }
 
@@ -146,10 +146,10 @@ fn edge(pixel: vec2i, centre: Sample, before: array<Sample, 2>, after: array<Sam
 #if GIVEN
   let at = texel_of(pixel);
   if (params.sources & EXTRA) != 0u {
-    value = max(value, sound(textureLoad(extra, at, 0).x));
+    value = max(value, sanitize(textureLoad(extra, at, 0).x));
   }
   if (params.sources & IMPORTANCE) != 0u {
-    value = min(value, sound(textureLoad(importance, at, 0).x));
+    value = min(value, sanitize(textureLoad(importance, at, 0).x));
   }
 #endif
   return select(0.0, value, all(pixel < size));

@@ -60,7 +60,7 @@ fn lit(point: vec3f, side: vec3f) -> f32 {
 #import shadow_ray
 
 fn lit(point: vec3f, side: vec3f) -> f32 {
-  return unshadowed(point + side * rounding(point), params.light);
+  return unshadowed(point + side * ray_epsilon(point), params.light);
 }
 #else
 fn lit(point: vec3f, side: vec3f) -> f32 {
@@ -111,7 +111,7 @@ fn shade(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_inde
 #if SAMPLES
     }
 #endif
-    let share = sound(material.albedo) / (PI * f32(1u << params.splits));
+    let share = sanitize(material.albedo) / (PI * f32(1u << params.splits));
     front = min(front + share * to_front, vec3f(BRIGHTEST));
     back = min(back + share * to_back, vec3f(BRIGHTEST));
   }

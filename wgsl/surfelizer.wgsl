@@ -23,7 +23,7 @@
 #import dispatch
 #import surfel
 #import triangle
-#import rooms
+#import slots
 
 struct Params {
   camera: Camera,
@@ -566,7 +566,7 @@ fn walk(root: Triangle, triangle: u32, quota: u32, write: bool, first_piece: u32
 }
 
 fn emit_piece(t: Triangle, shape: u32, triangle: u32, index: u32, total: u32) {
-  let room = room_for(index, total, params.piece_capacity);
+  let room = slot_for(index, total, params.piece_capacity);
   if room != NO_ROOM {
     pieces[room] = Piece(t.a, mesh.material, t.b, shape, t.c, triangle);
     piece_offsets[room] = surfels_of(shape);

@@ -2,11 +2,10 @@
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Bvh, BvhBuilder,
-    Camera, CloudCapacity, Error, Geometry, HitLighting, HitReconstructor,
-    HitReconstructorDescriptor, HitReconstructorInput, HitReconstructorSettings,
-    HitReconstructorView, Light, Lighting, Payload, Primitives, Reach, Sampling, ShadedLight,
-    Shadow, SurfelCloud, SurfelCounts, SurfelShader, SurfelShaderInput, SurfelShaderSettings,
-    Surfelizer, SurfelizerInput, SurfelizerSettings, wgpu,
+    Camera, CloudCapacity, Error, Geometry, HitLighting, HitResolver, HitResolverDescriptor,
+    HitResolverInput, HitResolverSettings, HitResolverView, Light, Lighting, Payload, Primitives,
+    Reach, Sampling, ShadedLight, Shadow, SurfelCloud, SurfelCounts, SurfelShader,
+    SurfelShaderInput, SurfelShaderSettings, Surfelizer, SurfelizerInput, SurfelizerSettings, wgpu,
 };
 
 use super::{gpu::Gpu, presets::BouncedPreset, raster::Raster, scene::SceneBuffers};
@@ -135,12 +134,12 @@ impl TracedScene {
 
 /// A kind of hits, and a view of them.
 pub struct Gatherer {
-    descriptor: HitReconstructorDescriptor,
+    descriptor: HitResolverDescriptor,
     lighting: Lighting,
     bounced: BouncedZBuffer,
-    reconstructor: HitReconstructor,
+    reconstructor: HitResolver,
     pub view: BouncedView,
-    scratch: HitReconstructorView,
+    scratch: HitResolverView,
     /// The picture.
     pub target: wgpu::TextureView,
 }
@@ -149,7 +148,7 @@ impl Gatherer {
     /// With room for this many directions a pixel.
     pub fn new(
         gpu: &Gpu,
-        (descriptor, lighting): (HitReconstructorDescriptor, Lighting),
+        (descriptor, lighting): (HitResolverDescriptor, Lighting),
         [width, height]: [u32; 2],
         directions: u32,
         statistics: bool,
@@ -163,7 +162,7 @@ impl Gatherer {
             ..BouncedDescriptor::default()
         };
         let bounced = BouncedZBuffer::new(device, &bounced, None)?;
-        let reconstructor = HitReconstructor::new(device, &descriptor, None)?;
+        let reconstructor = HitResolver::new(device, &descriptor, None)?;
         let view = bounced.create_view(device, width, height, directions)?;
         Ok(Self {
             scratch: reconstructor.create_view(device, &view)?,
@@ -183,7 +182,7 @@ impl Gatherer {
         (raster, roughness): (&Raster, Option<&wgpu::Texture>),
         camera: &Camera,
         scene: &TracedScene,
-        (traced, settings): (&BouncedSettings, &HitReconstructorSettings),
+        (traced, settings): (&BouncedSettings, &HitResolverSettings),
     ) -> Result<Vec<Timed>, Error> {
         let device = &gpu.device;
         let materials = scene.materials.as_ref();
@@ -218,7 +217,7 @@ impl Gatherer {
             self.reconstructor.record(
                 device,
                 encoder,
-                &HitReconstructorInput {
+                &HitResolverInput {
                     gbuffer: raster.gbuffer(),
                     roughness: roughness.map(Into::into),
                     hits: &self.view,
@@ -278,7 +277,7 @@ impl BouncedRenderer {
         directions: u32,
         statistics: bool,
     ) -> Result<Self, Error> {
-        let descriptor = HitReconstructorDescriptor {
+        let descriptor = HitResolverDescriptor {
             payload,
             sampling: Sampling::default(),
             deferred: false,

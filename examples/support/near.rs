@@ -3,9 +3,10 @@
 
 use deep_screen_space::{
     BallSamples, Camera, Channels, Error, Light, MultiResMask, MultiResMaskSettings,
-    ObscuranceInput, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume, ScreenSpaceGi,
-    ScreenSpaceGiInput, ScreenSpaceGiSettings, ShadowMap, SoftShadows, SoftShadowsInput,
-    SoftShadowsSettings, Viewport, VolumetricObscurance, VolumetricObscuranceDescriptor, WorkList,
+    ObscuranceInput, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume, PixelList,
+    ScreenSpaceGi, ScreenSpaceGiInput, ScreenSpaceGiSettings, ShadowMap, SoftShadows,
+    SoftShadowsInput, SoftShadowsSettings, Viewport, VolumetricObscurance,
+    VolumetricObscuranceDescriptor,
     glam::{DMat4, DVec3},
     scenes::Scene,
     wgpu::{self, TextureFormat, TextureView},
@@ -374,7 +375,7 @@ impl Passes {
         stage: &Stage<'_>,
         encoder: &mut wgpu::CommandEncoder,
         (effect, samples): (Effect, u32),
-        work: Option<WorkList<'_>>,
+        work: Option<PixelList<'_>>,
         target: &wgpu::Texture,
     ) -> Result<(), Error> {
         let device = &stage.gpu.device;
@@ -443,7 +444,7 @@ impl Passes {
         stage: &Stage<'_>,
         encoder: &mut wgpu::CommandEncoder,
         settings: &SoftShadowsSettings,
-        work: Option<WorkList<'_>>,
+        work: Option<PixelList<'_>>,
         target: &wgpu::Texture,
     ) -> Result<(), Error> {
         self.shadows.record(

@@ -1,7 +1,7 @@
 //! Three points on the curve of error over time (benches/trade draws all of it), for each method.
 
 use deep_screen_space::{
-    BouncedSettings, HitReconstructorSettings, Payload, ReconstructorSettings, SplatSettings,
+    BouncedSettings, HitResolverSettings, Payload, ReconstructorSettings, SplatSettings,
     SurfelizerSettings,
 };
 
@@ -18,7 +18,7 @@ pub struct Preset {
 pub struct BouncedPreset {
     pub surfelizer: SurfelizerSettings,
     pub bounced: BouncedSettings,
-    pub reconstructor: HitReconstructorSettings,
+    pub reconstructor: HitResolverSettings,
 }
 
 pub const NAMES: [&str; 3] = ["fast", "balanced", "accurate"];
@@ -77,8 +77,8 @@ pub fn bounced(directions: u32, payload: Payload, radius: f32) -> BouncedPreset 
             ..BouncedSettings::default()
         },
         reconstructor: match payload {
-            Payload::Occlusion => HitReconstructorSettings::for_occlusion(directions),
-            Payload::Radiance => HitReconstructorSettings::for_light(directions),
+            Payload::Occlusion => HitResolverSettings::for_occlusion(directions),
+            Payload::Radiance => HitResolverSettings::for_light(directions),
         },
     }
 }

@@ -62,7 +62,7 @@ impl BouncedDescriptor {
     pub(crate) fn flags(&self) -> Vec<&'static str> {
         let mut flags = Vec::new();
         flags.extend((self.payload == Payload::Radiance).then_some("RADIANCE"));
-        flags.extend(matches!(self.primitives, Primitives::Disks { .. }).then_some("SENDER_DISKS"));
+        flags.extend(matches!(self.primitives, Primitives::Disks { .. }).then_some("DISKS"));
         if self.lit() {
             flags.extend(["LIT", "SHADOW_RAYS"]);
         }

@@ -27,7 +27,7 @@ pub struct BouncedParams {
     pub(crate) words: u32,
     pub(crate) surfel_capacity: u32,
     pub(crate) padding: u32,
-    pub(crate) background: [f32; 3],
+    pub(crate) sky_radiance: [f32; 3],
     pub(crate) world_radius: f32,
 }
 
@@ -35,10 +35,10 @@ impl BouncedParams {
     pub fn new(settings: &BouncedSettings, size: [u32; 2], capacity: CloudCapacity) -> Self {
         let [columns, rows] = grid(settings.directions);
         // Without directions nothing is met and nothing arrives.
-        let (background, radius) = if settings.directions == 0 {
+        let (sky_radiance, radius) = if settings.directions == 0 {
             ([0.0; 3], 0.0)
         } else {
-            (settings.background, settings.radius)
+            (settings.sky_radiance, settings.radius)
         };
         Self {
             size,
@@ -48,7 +48,7 @@ impl BouncedParams {
             words: words(settings.directions),
             surfel_capacity: capacity.surfels,
             padding: 0,
-            background,
+            sky_radiance,
             world_radius: radius.min(UNBOUNDED),
         }
     }

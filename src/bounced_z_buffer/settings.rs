@@ -111,7 +111,7 @@ pub struct BouncedSettings {
     pub frame: u32,
     /// Radiance that comes from where nothing is hit, linear RGB, W/(m² sr), each 0…1e18; of use with
     /// [`Payload::Radiance`](crate::Payload::Radiance) alone. Default black.
-    pub background: [f32; 3],
+    pub sky_radiance: [f32; 3],
     /// Of use with [`Primitives::Disks`](crate::Primitives::Disks) alone.
     pub disks: DiskSettings,
 }
@@ -125,7 +125,7 @@ impl Default for BouncedSettings {
             directions: 16,
             radius: f32::INFINITY,
             frame: 0,
-            background: [0.0; 3],
+            sky_radiance: [0.0; 3],
             disks: DiskSettings::default(),
         }
     }
@@ -155,10 +155,10 @@ impl BouncedSettings {
             self.frame,
             "0 to 2^20",
         )?;
-        for channel in self.background {
+        for channel in self.sky_radiance {
             check_setting(
                 (0.0..=1e18).contains(&channel),
-                "BouncedSettings::background",
+                "BouncedSettings::sky_radiance",
                 channel,
                 "0 to 1e18",
             )?;

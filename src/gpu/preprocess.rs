@@ -44,7 +44,7 @@ pub(crate) const FLAGS: &[&str] = &[
     "OWN_SURFACE",
     "RADIANCE",
     "SAMPLES",
-    "SENDER_DISKS",
+    "DISKS",
     "SHADING",
     "SHADOW_MAP",
     "SHADOW_RAYS",

@@ -38,7 +38,7 @@ const COMMON: &[Module<'static>] = common![
     sub_image,
     work,
     block,
-    rooms,
+    slots,
     ray,
     bvh_layout,
     bvh_build,

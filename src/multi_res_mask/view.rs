@@ -14,7 +14,7 @@ use crate::{
         storage,
     },
     receivers::{check_view_size, plane_bytes},
-    work::{LEVELS, WorkList, level_size, list_bytes},
+    work::{LEVELS, PixelList, level_size, list_bytes},
 };
 
 /// Format of edges and masks, of a texel for 2 × 2 pixels.
@@ -107,8 +107,8 @@ impl MultiResView {
     /// What a level has to compute, of the last recording; `None` where that left the level out.
     ///
     /// Word 0 of its `pixels` is their number (usage `COPY_SRC`).
-    pub fn work(&self, level: u32) -> Option<WorkList<'_>> {
-        self.recorded_level(level).map(|buffers| WorkList {
+    pub fn work(&self, level: u32) -> Option<PixelList<'_>> {
+        self.recorded_level(level).map(|buffers| PixelList {
             level,
             pixels: &buffers.pixels,
             dispatch: &buffers.dispatch,
@@ -116,7 +116,7 @@ impl MultiResView {
     }
 
     /// The work of all levels that there are, from the finest on.
-    pub fn works(&self) -> impl Iterator<Item = WorkList<'_>> {
+    pub fn works(&self) -> impl Iterator<Item = PixelList<'_>> {
         (0..LEVELS).filter_map(|level| self.work(level))
     }
 

@@ -17,7 +17,7 @@ use crate::{
         compute_pass, shader, uniform,
     },
     shaders::Listing,
-    work::WorkList,
+    work::PixelList,
 };
 
 const SOURCE: &str = include_str!("../../wgsl/receivers.wgsl");
@@ -223,7 +223,7 @@ impl ListedReceiversPass {
         encoder: &mut CommandEncoder,
         (gbuffer, camera): (&GBuffer<'_>, &Camera),
         origin: DVec3,
-        work: &WorkList<'_>,
+        work: &PixelList<'_>,
         receivers: &Receivers,
     ) {
         let params = ListedReceiversParams {

@@ -27,7 +27,7 @@ pub struct PixelRay {
     pub pixel: [u32; 2],
     /// What it sees.
     pub receiver: Receiver,
-    /// Where the ray starts: [`off_surface`](super::bounced_z_buffer::off_surface).
+    /// Where the ray starts: [`offset_origin`](super::bounced_z_buffer::offset_origin).
     pub origin: DVec3,
     /// Where it goes.
     pub direction: DVec3,

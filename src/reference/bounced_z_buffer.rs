@@ -13,7 +13,7 @@ use super::{
     light::arrival,
     packing::pack_color,
     shell_splatter::Receiver,
-    surfel_shader::{BRIGHTEST, own_radiosity, sound},
+    surfel_shader::{BRIGHTEST, own_radiosity, sanitize},
     surfelizer::{Piece, Triangle, leaf_at, nearest_room},
 };
 use crate::{
@@ -49,16 +49,16 @@ pub struct Hit {
 }
 
 /// How far a ray starts off what it leaves.
-pub fn rounding(position: DVec3) -> f64 {
+pub fn ray_epsilon(position: DVec3) -> f64 {
     4.0 * POSITION_TOLERANCE * position.abs().max_element()
 }
 
 /// Where a pixel's rays start, relative to the cloud's `origin`; `side` is its unit normal.
-pub fn off_surface(camera: &Camera, origin: DVec3, position: DVec3, side: DVec3) -> DVec3 {
+pub fn offset_origin(camera: &Camera, origin: DVec3, position: DVec3, side: DVec3) -> DVec3 {
     let seen_from = to_camera(camera, origin, position);
     let relative = position - (camera.eye() - origin);
     let grid = (GRID * camera.footprint().at(relative)).min(MOST_OFFSET * relative.length());
-    position + (side + seen_from) * (rounding(position) + grid)
+    position + (side + seen_from) * (ray_epsilon(position) + grid)
 }
 
 /// Unit vector from a point to where a camera sees it from, both relative to the cloud's `origin`.
@@ -180,7 +180,7 @@ impl Tracing<'_> {
                 let receiver = self.receivers[i / per_pixel]?;
                 let Direction { direction, .. } = (*drawn)?;
                 Some(Ray {
-                    origin: off_surface(
+                    origin: offset_origin(
                         self.camera,
                         self.origin,
                         receiver.position,
@@ -244,7 +244,7 @@ impl Tracing<'_> {
             .collect();
         let incoming = |ray: &Ray, hit: Option<&Hit>| {
             let Some(hit) = hit else {
-                return self.settings.background;
+                return self.settings.sky_radiance;
             };
             let Piece {
                 corners: t, shape, ..
@@ -273,7 +273,7 @@ impl Tracing<'_> {
             .zip(self.hits())
             .map(|(ray, hit)| match (ray, hit) {
                 (None, _) => DVec3::ZERO,
-                (Some(_), None) => DVec3::from(self.settings.background.map(f64::from)),
+                (Some(_), None) => DVec3::from(self.settings.sky_radiance.map(f64::from)),
                 (Some(ray), Some(hit)) => self.lit_at(ray, &hit, materials, lights),
             })
             .collect()
@@ -287,7 +287,7 @@ impl Tracing<'_> {
         let facing = normal.dot(ray.direction) < 0.0;
         let side = if facing { normal } else { -normal };
         let place = ray.origin + ray.direction * hit.t;
-        let offset = rounding(place).max(rounding(ray.origin));
+        let offset = ray_epsilon(place).max(ray_epsilon(ray.origin));
         let point = place + (side - ray.direction) * offset;
         let mut irradiance = DVec3::ZERO;
         for light in lights {
@@ -299,6 +299,6 @@ impl Tracing<'_> {
         }
         let material = materials[(piece.material as usize).min(materials.len() - 1)];
         let own = own_radiosity(&material, facing);
-        ((own + sound(material.albedo) * irradiance) / PI).min(DVec3::splat(BRIGHTEST))
+        ((own + sanitize(material.albedo) * irradiance) / PI).min(DVec3::splat(BRIGHTEST))
     }
 }

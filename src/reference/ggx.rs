@@ -132,7 +132,7 @@ impl Lobe {
     }
 
     /// What the lobe sends on of the radiance along one of its own directions, or a neighbour's: `mirrored` of
-    /// `wgsl/hit_reconstructor.wgsl`, with radiance.
+    /// `wgsl/hit_resolver.wgsl`, with radiance.
     pub fn mirrored(&self, light: DVec3, facet: DVec3, f0: DVec3, radiance: DVec3) -> Mirrored {
         Mirrored {
             radiance: self.share(light) * self.schlick(f0, facet) * radiance,

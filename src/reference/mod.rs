@@ -9,7 +9,7 @@ pub mod effects;
 pub mod gbuffer;
 pub mod ggx;
 pub mod hashing;
-pub mod hit_reconstructor;
+pub mod hit_resolver;
 pub mod light;
 pub mod multi_res_mask;
 pub mod multi_res_reconstructor;

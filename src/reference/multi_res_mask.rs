@@ -57,7 +57,7 @@ pub fn stored(value: f64) -> f64 {
     }
 }
 
-fn sound(value: f64) -> f64 {
+fn sanitize(value: f64) -> f64 {
     if value.is_finite() {
         value.clamp(0.0, 1.0)
     } else {
@@ -158,10 +158,10 @@ impl Edges<'_> {
         }
         let i = (pixel[1] * self.size()[0] + pixel[0]) as usize;
         if let Some(extra) = self.extra {
-            value = value.max(sound(extra[i]));
+            value = value.max(sanitize(extra[i]));
         }
         if let Some(importance) = self.importance {
-            value = value.min(sound(importance[i]));
+            value = value.min(sanitize(importance[i]));
         }
         value
     }

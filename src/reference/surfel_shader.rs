@@ -59,7 +59,7 @@ pub struct ShadedLight<'a> {
     pub shadow: Option<ShadowMap<'a>>,
 }
 
-pub(super) fn sound(color: [f32; 3]) -> DVec3 {
+pub(super) fn sanitize(color: [f32; 3]) -> DVec3 {
     let sound = |c: f32| {
         if c.is_finite() {
             f64::from(c).clamp(0.0, BRIGHTEST)
@@ -73,7 +73,7 @@ pub(super) fn sound(color: [f32; 3]) -> DVec3 {
 /// What a side of a surface sends of its own.
 pub(super) fn own_radiosity(material: &Material, front: bool) -> DVec3 {
     if front || material.double_sided != 0 {
-        sound(material.emission)
+        sanitize(material.emission)
     } else {
         DVec3::ZERO
     }
@@ -193,7 +193,7 @@ pub fn shade(
                 to_back -= irradiance * cosine * lit(-surfel.normal);
             }
         }
-        let share = sound(material.albedo) / (PI * points.len() as f64);
+        let share = sanitize(material.albedo) / (PI * points.len() as f64);
         let brightest = DVec3::splat(BRIGHTEST);
         radiance.front = (radiance.front + share * to_front).min(brightest);
         radiance.back = (radiance.back + share * to_back).min(brightest);

@@ -480,7 +480,7 @@ fn keep_ratio(total: u32, capacity: u32) -> u32 {
 }
 
 /// Room in an array of `capacity` for item `index` of `total`; `None` for those left out.
-pub fn room_for(index: u32, total: u32, capacity: u32) -> Option<u32> {
+pub fn slot_for(index: u32, total: u32, capacity: u32) -> Option<u32> {
     if total <= capacity {
         return Some(index);
     }
@@ -498,8 +498,8 @@ pub fn nearest_room(index: u32, total: u32, capacity: u32) -> u32 {
     multiply_high(index, keep_ratio(total, capacity))
 }
 
-/// How many rooms are taken: the last one may not be.
-pub fn rooms_taken(total: u32, capacity: u32) -> u32 {
+/// How many slots are taken: the last one may not be.
+pub fn slots_taken(total: u32, capacity: u32) -> u32 {
     if total == 0 || capacity == 0 {
         return 0;
     }
@@ -648,7 +648,7 @@ pub fn surfelize(
             let shape = params.coarser(shape, by);
             let share = (area_root(corners) / largest).powi(2);
             area += share;
-            if let Some(room) = room_for(index, counts.pieces, capacity.pieces) {
+            if let Some(room) = slot_for(index, counts.pieces, capacity.pieces) {
                 pieces[room as usize] = Piece {
                     corners,
                     material: cut.material,

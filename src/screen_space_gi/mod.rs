@@ -20,7 +20,7 @@ use crate::{
     },
     shaders::Listing,
     texture_slice::{TextureSlice, check_apart, check_slice},
-    work::{WorkKernel, WorkKernelDescriptor, WorkList, check_work},
+    work::{PixelList, WorkKernel, WorkKernelDescriptor, check_work},
 };
 
 const SOURCE: &str = include_str!("../../wgsl/screen_space_gi.wgsl");
@@ -51,7 +51,7 @@ pub struct ScreenSpaceGiInput<'a> {
     /// more, usage `TEXTURE_BINDING`, covering the camera's viewport. What is not finite counts as 0.
     pub lit: TextureSlice<'a>,
     /// The pixels to compute; `None` for all, at full resolution.
-    pub work: Option<WorkList<'a>>,
+    pub work: Option<PixelList<'a>>,
     /// Where irradiance / π goes, what a white surface sends back, 0 for the sky and alpha 1: a texture of the size of the
     /// work's level (`⌈size / 2^level⌉`) or larger, `Rgba16Float`, usage `STORAGE_BINDING`. Pixels that are not listed are
     /// left as they are.
@@ -91,7 +91,7 @@ impl ScreenSpaceGi {
     /// Records the bounce.
     ///
     /// # Errors
-    /// What [`GBuffer::validate`], [`ScreenSpaceGiSettings::validate`] and [`WorkList::validate`] find; [`Error::Format`],
+    /// What [`GBuffer::validate`], [`ScreenSpaceGiSettings::validate`] and [`PixelList::validate`] find; [`Error::Format`],
     /// [`Error::Size`], [`Error::Shape`] or [`Error::Usage`] for the lit buffer and the target.
     pub fn record(
         &self,

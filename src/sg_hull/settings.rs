@@ -149,7 +149,7 @@ pub struct SgHullSettings {
     /// is gathered at 5 % of the pixels at most.
     pub misfit: f32,
     /// Reflectance of glossy surfaces seen straight on, linear RGB, 0…1, as
-    /// [`HitReconstructorSettings::f0`](crate::HitReconstructorSettings::f0); of use with
+    /// [`HitResolverSettings::f0`](crate::HitResolverSettings::f0); of use with
     /// [`SgHullDescriptor::glossy`](crate::SgHullDescriptor::glossy) alone. Default 0.04, that of glass and most plastics;
     /// metals have their colour.
     pub f0: [f32; 3],

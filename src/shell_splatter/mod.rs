@@ -32,7 +32,7 @@ use crate::{
     shaders::{Listing, name_of},
     surfel::SurfelCloud,
     surfelizer::settings::Reach,
-    work::{WorkList, level_size},
+    work::{PixelList, level_size},
 };
 
 const SOURCE: &str = include_str!("../../wgsl/shell_splatter.wgsl");
@@ -204,7 +204,7 @@ pub struct SplatInput<'a> {
     pub materials: Option<&'a Buffer>,
     /// The pixels to compute, of a sub-image that has the view's size; all of the viewport, if left out. The others' sums
     /// are 0, and tiles without listed pixels cost next to nothing.
-    pub work: Option<WorkList<'a>>,
+    pub work: Option<PixelList<'a>>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -453,7 +453,7 @@ impl ShellSplatter {
     /// Records the splatting of a cloud into a view's sums.
     ///
     /// # Errors
-    /// What [`GBuffer::validate`], [`SplatSettings::validate`] and [`WorkList::validate`] find; [`Error::Mismatch`] where the
+    /// What [`GBuffer::validate`], [`SplatSettings::validate`] and [`PixelList::validate`] find; [`Error::Mismatch`] where the
     /// view has another size than the camera's viewport or the work's sub-image, or fewer levels than the settings, and where the
     /// clusters were last recorded with other settings (but for the seed); [`Error::Recording`] where they were not recorded from
     /// this cloud, since that was; [`Error::Buffer`] for a missing material table.

@@ -21,7 +21,7 @@ use crate::{
     shaders::Listing,
     surfel_shader::{ShadowMap, params::ShadowParams},
     texture_slice::{TextureSlice, check_apart},
-    work::{WorkKernel, WorkKernelDescriptor, WorkList, check_work},
+    work::{PixelList, WorkKernel, WorkKernelDescriptor, check_work},
 };
 
 const SOURCE: &str = include_str!("../../wgsl/soft_shadows.wgsl");
@@ -60,7 +60,7 @@ pub struct SoftShadowsInput<'a> {
     /// ones along its direction.
     pub map: ShadowMap<'a>,
     /// The pixels to compute; `None` for all, at full resolution.
-    pub work: Option<WorkList<'a>>,
+    pub work: Option<PixelList<'a>>,
     /// Where visibility goes, 1 for what is wholly lit and for the sky: a texture of the size of the work's level
     /// (`⌈size / 2^level⌉`) or larger, `R32Float`, usage `STORAGE_BINDING`. Pixels that are not listed are left as they
     /// are.
@@ -108,7 +108,7 @@ impl SoftShadows {
     ///
     /// # Errors
     /// What [`GBuffer::validate`], [`SoftShadowsSettings::validate`], [`Light::validate`], [`ShadowMap::validate`] and
-    /// [`WorkList::validate`] find; [`Error::Format`], [`Error::Size`], [`Error::Shape`] or [`Error::Usage`] for the target.
+    /// [`PixelList::validate`] find; [`Error::Format`], [`Error::Size`], [`Error::Shape`] or [`Error::Usage`] for the target.
     pub fn record(
         &self,
         device: &Device,

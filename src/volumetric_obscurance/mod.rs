@@ -25,7 +25,7 @@ use crate::{
     },
     shaders::{Listing, name_of},
     texture_slice::{TextureSlice, check_apart},
-    work::{WorkKernel, WorkKernelDescriptor, WorkList, check_work},
+    work::{PixelList, WorkKernel, WorkKernelDescriptor, check_work},
 };
 
 const SOURCE: &str = include_str!("../../wgsl/volumetric_obscurance.wgsl");
@@ -78,7 +78,7 @@ pub struct ObscuranceInput<'a> {
     /// The depth's moments, recorded for this frame; area samples alone read them, and need them.
     pub moments: Option<&'a DepthMoments>,
     /// The pixels to compute; all, if left out.
-    pub work: Option<WorkList<'a>>,
+    pub work: Option<PixelList<'a>>,
     /// Where to write the open share, 0…1 with 1 for open, sky among it: `R32Float`, usage `STORAGE_BINDING`, at least of the
     /// viewport's size (that of the work list's level), from the corner. Pixels that are not computed stay.
     pub target: TextureSlice<'a>,

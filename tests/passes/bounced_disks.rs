@@ -12,7 +12,7 @@ use deep_screen_space::{
     glam::DVec3,
     reference::{
         bounced_disks::PixelRay,
-        bounced_z_buffer::off_surface,
+        bounced_z_buffer::offset_origin,
         directions::directions,
         effects::Sender,
         hashing::hash,
@@ -228,7 +228,7 @@ fn rays(
             Some(PixelRay {
                 pixel: [pixel % width, pixel / width],
                 receiver,
-                origin: off_surface(camera, camera.focus(), receiver.position, receiver.normal),
+                origin: offset_origin(camera, camera.focus(), receiver.position, receiver.normal),
                 direction: drawn.as_ref()?.direction,
             })
         })

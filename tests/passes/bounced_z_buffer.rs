@@ -236,7 +236,7 @@ fn colors_are_the_mirrors() {
         for radius in [f32::INFINITY, 0.4] {
             let settings = BouncedSettings {
                 radius,
-                background: [0.1, 20.0, 3e-4],
+                sky_radiance: [0.1, 20.0, 3e-4],
                 ..settings(directions)
             };
             let name = format!("{} radius {radius}", scene.name);
@@ -354,7 +354,7 @@ fn nothing_to_hit() {
     assert_eq!(none.counts.pieces, 0);
     let (buffer, _) = lab.motley(&none);
     let sky = BouncedSettings {
-        background: [1.0, 2.0, 3.0],
+        sky_radiance: [1.0, 2.0, 3.0],
         ..settings(4)
     };
     let check = |none: &rays::Senders| {
@@ -1048,7 +1048,7 @@ fn settings_out_of_range_are_typed_errors() {
             ..good
         },
         BouncedSettings {
-            background: [0.0, 1.0, 1e18],
+            sky_radiance: [0.0, 1.0, 1e18],
             ..good
         },
     ] {
@@ -1085,24 +1085,24 @@ fn settings_out_of_range_are_typed_errors() {
         ),
         (
             BouncedSettings {
-                background: [0.0, -1.0, 0.0],
+                sky_radiance: [0.0, -1.0, 0.0],
                 ..good
             },
-            "BouncedSettings::background",
+            "BouncedSettings::sky_radiance",
         ),
         (
             BouncedSettings {
-                background: [0.0, 0.0, f32::NAN],
+                sky_radiance: [0.0, 0.0, f32::NAN],
                 ..good
             },
-            "BouncedSettings::background",
+            "BouncedSettings::sky_radiance",
         ),
         (
             BouncedSettings {
-                background: [2e18, 0.0, 0.0],
+                sky_radiance: [2e18, 0.0, 0.0],
                 ..good
             },
-            "BouncedSettings::background",
+            "BouncedSettings::sky_radiance",
         ),
     ];
     fields_refused(bad, BouncedSettings::validate);

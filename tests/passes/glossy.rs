@@ -5,8 +5,8 @@ use support::testing::pipelines;
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Bvh, Camera,
-    CloudCapacity, Error, GBuffer, Geometry, HitReconstructorDescriptor, HitReconstructorInput,
-    HitReconstructorSettings, Payload, Primitives, Sampling, SurfelCloud, SurfelShaderInput,
+    CloudCapacity, Error, GBuffer, Geometry, HitResolverDescriptor, HitResolverInput,
+    HitResolverSettings, Payload, Primitives, Sampling, SurfelCloud, SurfelShaderInput,
     SurfelShaderSettings, SurfelizerInput, SurfelizerSettings, Viewport,
     glam::{DMat4, DVec2, DVec3},
     reference::{
@@ -220,7 +220,7 @@ impl Stage {
         let roughness = roughness.map(|view| view.texture().into());
         let payload = usize::from(job.payload == Payload::Radiance);
         let bounced = &self.bounced[payload];
-        let reconstructor = pipelines::hit_reconstructor(&HitReconstructorDescriptor {
+        let reconstructor = pipelines::hit_resolver(&HitResolverDescriptor {
             payload: job.payload,
             sampling: Sampling::Glossy,
             deferred: job.deferred,
@@ -231,7 +231,7 @@ impl Stage {
         let traced = BouncedSettings {
             directions: job.directions,
             frame: job.frame,
-            background: BACKGROUND,
+            sky_radiance: BACKGROUND,
             ..BouncedSettings::default()
         };
         let mut encoder = self.gpu.encoder();
@@ -246,20 +246,20 @@ impl Stage {
             timestamps: None,
         };
         bounced.record(device, &mut encoder, &input, &traced, &view)?;
-        let input = HitReconstructorInput {
+        let input = HitResolverInput {
             gbuffer,
             roughness,
             hits: &view,
             target: target.texture().into(),
             timestamps: None,
         };
-        let settings = HitReconstructorSettings {
+        let settings = HitResolverSettings {
             radius: job.radius,
             spread: f32::INFINITY,
             hit_distances: f32::INFINITY,
             damping: f32::INFINITY,
             f0: F0,
-            ..HitReconstructorSettings::default()
+            ..HitResolverSettings::default()
         };
         reconstructor.record(device, &mut encoder, &input, &settings, &scratch)?;
         self.gpu.finish(encoder);
@@ -815,13 +815,13 @@ fn what_does_not_fit_is_a_typed_error() {
         );
     }
     for f0 in [-0.1, 1.1, f32::NAN] {
-        let settings = HitReconstructorSettings {
+        let settings = HitResolverSettings {
             f0: [0.0, f0, 1.0],
-            ..HitReconstructorSettings::default()
+            ..HitResolverSettings::default()
         };
         let refused = settings.validate();
         assert!(
-            matches!(&refused, Err(Error::Setting { field, .. }) if *field == "HitReconstructorSettings::f0"),
+            matches!(&refused, Err(Error::Setting { field, .. }) if *field == "HitResolverSettings::f0"),
             "{f0}: {refused:?}"
         );
     }

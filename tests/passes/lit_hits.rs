@@ -165,7 +165,7 @@ impl Case {
 fn settings(directions: u32) -> BouncedSettings {
     BouncedSettings {
         directions,
-        background: [0.3, 0.2, 0.1],
+        sky_radiance: [0.3, 0.2, 0.1],
         ..BouncedSettings::default()
     }
 }
@@ -343,7 +343,7 @@ fn a_shade_below_a_lamp_hides_it() {
 fn double_sided_lamps_emit_from_both_sides() {
     let settings = BouncedSettings {
         directions: 16,
-        background: [0.0; 3],
+        sky_radiance: [0.0; 3],
         ..BouncedSettings::default()
     };
     let mean = |double_sided: bool, turned: bool| {

@@ -5,7 +5,7 @@ mod bounced_z_buffer;
 mod camera;
 mod ggx;
 mod glossy;
-mod hit_reconstructor;
+mod hit_resolver;
 mod hull_surfels;
 mod lit_hits;
 mod multi_res_mask;

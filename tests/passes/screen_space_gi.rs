@@ -1,7 +1,7 @@
 //! Screen-space indirect light: GPU against the f64 mirror, a closed form, and what must hold of any image.
 
 use deep_screen_space::{
-    Camera, Error, ScreenSpaceGi, ScreenSpaceGiInput, ScreenSpaceGiSettings, Viewport, WorkList,
+    Camera, Error, PixelList, ScreenSpaceGi, ScreenSpaceGiInput, ScreenSpaceGiSettings, Viewport,
     glam::{DVec3, dcamera::rh::proj::directx as right},
     reference::screen_space_gi as mirror,
     scenes,
@@ -43,7 +43,7 @@ impl Lit {
 
     fn input<'a>(
         &'a self,
-        work: Option<WorkList<'a>>,
+        work: Option<PixelList<'a>>,
         target: &'a wgpu::TextureView,
     ) -> ScreenSpaceGiInput<'a> {
         ScreenSpaceGiInput {

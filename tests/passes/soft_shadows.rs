@@ -1,8 +1,8 @@
 //! Soft shadows: GPU against the f64 mirror, closed forms, and what must hold of any map.
 
 use deep_screen_space::{
-    Camera, Error, Light, ShadowMap, SoftShadows, SoftShadowsInput, SoftShadowsSettings, Viewport,
-    WorkList,
+    Camera, Error, Light, PixelList, ShadowMap, SoftShadows, SoftShadowsInput, SoftShadowsSettings,
+    Viewport,
     glam::{DMat4, DVec3, dcamera::rh::proj::directx as right},
     reference::{
         gbuffer, shell_splatter::Receiver, soft_shadows as mirror, surfel_shader, trace::Tracer,
@@ -152,7 +152,7 @@ fn input<'a>(
     frame: &'a Frame,
     light: &'a Light,
     map: &'a Map,
-    work: Option<WorkList<'a>>,
+    work: Option<PixelList<'a>>,
     target: &'a wgpu::TextureView,
 ) -> SoftShadowsInput<'a> {
     SoftShadowsInput {
@@ -556,7 +556,7 @@ fn what_cannot_be_is_refused() {
     }
     let list = gpu.buffer(&[0_u32; 129], wgpu::BufferUsages::STORAGE);
     let dispatch = gpu.buffer(&[0_u32; 3], wgpu::BufferUsages::INDIRECT);
-    let work = WorkList {
+    let work = PixelList {
         level: 0,
         pixels: &list,
         dispatch: &dispatch,
@@ -575,19 +575,19 @@ fn what_cannot_be_is_refused() {
     assert!(matches!(other, Err(Error::Format { .. })), "{other:?}");
     let other = refused(None, Format::R32Float, 15);
     assert!(matches!(other, Err(Error::Size { .. })), "{other:?}");
-    let other = refused(Some(WorkList { level: 4, ..work }), Format::R32Float, 16);
+    let other = refused(Some(PixelList { level: 4, ..work }), Format::R32Float, 16);
     assert!(
         matches!(
             other,
             Err(Error::Setting {
-                field: "WorkList::level",
+                field: "PixelList::level",
                 ..
             })
         ),
         "{other:?}"
     );
     let other = refused(
-        Some(WorkList {
+        Some(PixelList {
             pixels: &dispatch,
             ..work
         }),
@@ -598,14 +598,14 @@ fn what_cannot_be_is_refused() {
         matches!(
             other,
             Err(Error::Buffer {
-                name: "WorkList::pixels",
+                name: "PixelList::pixels",
                 ..
             })
         ),
         "{other:?}"
     );
     let other = refused(
-        Some(WorkList {
+        Some(PixelList {
             dispatch: &list,
             ..work
         }),
@@ -616,7 +616,7 @@ fn what_cannot_be_is_refused() {
         matches!(
             other,
             Err(Error::Buffer {
-                name: "WorkList::dispatch",
+                name: "PixelList::dispatch",
                 ..
             })
         ),

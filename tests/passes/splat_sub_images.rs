@@ -4,9 +4,9 @@
 use deep_screen_space::{
     AmbientOcclusion, Camera, Channels, CloudCapacity, ClusterInput, Effect, Error, Geometry,
     MultiResMaskSettings, MultiResReconstructor, MultiResReconstructorInput,
-    MultiResReconstructorSettings, Reconstructor, ReconstructorInput, ReconstructorSettings,
-    ShellSplatter, SplatInput, SplatSettings, SurfelCloud, SurfelClusters, SurfelizerInput,
-    SurfelizerSettings, Viewport, WorkList, scenes,
+    MultiResReconstructorSettings, PixelList, Reconstructor, ReconstructorInput,
+    ReconstructorSettings, ShellSplatter, SplatInput, SplatSettings, SurfelCloud, SurfelClusters,
+    SurfelizerInput, SurfelizerSettings, Viewport, scenes,
     wgpu::{self, TextureFormat as Format, TextureView},
 };
 use support::testing::multi_res;
@@ -88,7 +88,7 @@ impl<'a> Splats<'a> {
     fn record(
         &self,
         encoder: &mut wgpu::CommandEncoder,
-        work: Option<WorkList<'_>>,
+        work: Option<PixelList<'_>>,
         target: &wgpu::Texture,
     ) -> Result<(), Error> {
         let device = &self.gpu.device;
@@ -257,18 +257,18 @@ fn what_does_not_fit_is_refused() {
     let frame = Frame::of_shot(gpu, &shot);
     let masks = multi_res::record(gpu, mask, &frame.input(), &MultiResMaskSettings::OCCLUSION);
     let work = masks.work(1).expect("a level");
-    let refusal = |work: WorkList<'_>, target: [u32; 2]| {
+    let refusal = |work: PixelList<'_>, target: [u32; 2]| {
         let target = gpu.target(Format::R32Float, target[0], target[1]);
         let refused = splats.record(&mut gpu.encoder(), Some(work), target.texture());
         refused.expect_err("it does not fit").to_string()
     };
-    let beyond = refusal(WorkList { level: 4, ..work }, [16, 12]);
+    let beyond = refusal(PixelList { level: 4, ..work }, [16, 12]);
     assert!(
-        beyond.contains("WorkList::level") && beyond.contains('4'),
+        beyond.contains("PixelList::level") && beyond.contains('4'),
         "{beyond}"
     );
-    let small = refusal(WorkList { level: 0, ..work }, [16, 12]);
-    assert!(small.contains("WorkList::pixels"), "{small}");
+    let small = refusal(PixelList { level: 0, ..work }, [16, 12]);
+    assert!(small.contains("PixelList::pixels"), "{small}");
     let target = refusal(work, [7, 6]);
     assert!(target.contains("8x6"), "{target}");
 }

@@ -2,16 +2,16 @@
 
 use deep_screen_space::{
     AmbientOcclusion, BouncedDescriptor, BouncedInput, BouncedSettings, Camera, Channels,
-    CloudCapacity, ClusterInput, Components, Error, Gatherer, Geometry, HitReconstructorDescriptor,
-    HitReconstructorInput, HitReconstructorSettings, Light, MultiResMaskInput,
-    MultiResMaskSettings, MultiResReconstructor, MultiResReconstructorInput,
-    MultiResReconstructorSettings, ObscuranceInput, ObscuranceSampling, ObscuranceSettings,
-    ObscuranceVolume, Payload, Primitives, ReconstructorInput, ReconstructorSettings,
-    ReflectiveShadowMap, ReflectiveShadowMapInput, Sampling, ScreenSpaceGiInput,
-    ScreenSpaceGiSettings, SgHull, SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize,
-    ShadowMap, SoftShadowsInput, SoftShadowsSettings, SplatInput, SplatSettings, SurfelShaderInput,
-    SurfelShaderSettings, SurfelizerInput, SurfelizerSettings, TemporalAccumulator, TemporalInput,
-    TemporalSettings, Timestamps, Viewport, VolumetricObscurance, VolumetricObscuranceDescriptor,
+    CloudCapacity, ClusterInput, Components, Error, Gatherer, Geometry, HitResolverDescriptor,
+    HitResolverInput, HitResolverSettings, Light, MultiResMaskInput, MultiResMaskSettings,
+    MultiResReconstructor, MultiResReconstructorInput, MultiResReconstructorSettings,
+    ObscuranceInput, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume, Payload, Primitives,
+    ReconstructorInput, ReconstructorSettings, ReflectiveShadowMap, ReflectiveShadowMapInput,
+    Sampling, ScreenSpaceGiInput, ScreenSpaceGiSettings, SgHull, SgHullDescriptor, SgHullInput,
+    SgHullSettings, SgHullSize, ShadowMap, SoftShadowsInput, SoftShadowsSettings, SplatInput,
+    SplatSettings, SurfelShaderInput, SurfelShaderSettings, SurfelizerInput, SurfelizerSettings,
+    TemporalAccumulator, TemporalInput, TemporalSettings, Timestamps, Viewport,
+    VolumetricObscurance, VolumetricObscuranceDescriptor,
     glam::{DVec3, dcamera::rh::proj::directx},
     scenes, wgpu,
 };
@@ -222,22 +222,22 @@ fn recordings_from_surfels_write_their_times() {
     tracer
         .record(device, &mut encoder, &input, &traced, &hits)
         .expect("hits");
-    let descriptor = HitReconstructorDescriptor {
+    let descriptor = HitResolverDescriptor {
         payload: Payload::Occlusion,
         sampling: Sampling::Cosine,
         deferred: true,
         target: format,
     };
-    let reconstructor = pipelines::hit_reconstructor(&descriptor);
+    let reconstructor = pipelines::hit_resolver(&descriptor);
     let scratch = reconstructor.create_view(device, &hits).expect("a view");
-    let input = HitReconstructorInput {
+    let input = HitResolverInput {
         gbuffer: shot.gbuffer(),
         hits: &hits,
         target: target.texture().into(),
         timestamps: Some(times.stamps(8)),
         roughness: None,
     };
-    let settings = HitReconstructorSettings::default();
+    let settings = HitResolverSettings::default();
     reconstructor
         .record(device, &mut encoder, &input, &settings, &scratch)
         .expect("a picture");

@@ -9,8 +9,8 @@ use support::testing::pipelines;
 
 use deep_screen_space::{
     BallSamples, Camera, Combine, DepthMoments, DiskSamples, Error, NormalEncoding, NormalSpace,
-    Normals, ObscuranceInput, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume,
-    SecondRadius, Viewport, VolumetricObscurance, VolumetricObscuranceDescriptor, WorkList,
+    Normals, ObscuranceInput, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume, PixelList,
+    SecondRadius, Viewport, VolumetricObscurance, VolumetricObscuranceDescriptor,
     glam::{DMat4, DVec3},
     reference::{
         depth_moments::Pyramid,
@@ -904,7 +904,7 @@ fn list_of(gpu: &Gpu, shot: &Shot, case: &Case) {
         let groups = [(listed.len() as u32).div_ceil(64), 1, 1];
         let dispatch = gpu.buffer(&groups, wgpu::BufferUsages::INDIRECT);
         let texture = target(gpu, sub);
-        let work = WorkList {
+        let work = PixelList {
             level,
             pixels: &pixels,
             dispatch: &dispatch,

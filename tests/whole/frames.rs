@@ -1,8 +1,8 @@
 //! Frames of few directions, joined by the temporal accumulator, against one of many: all passes from triangles to the mean.
 
 use deep_screen_space::{
-    BouncedSettings, Camera, CloudCapacity, HitReconstructorDescriptor, HitReconstructorSettings,
-    Light, Lighting, Payload, Sampling, SurfelizerSettings, TemporalSettings, Viewport,
+    BouncedSettings, Camera, CloudCapacity, HitResolverDescriptor, HitResolverSettings, Light,
+    Lighting, Payload, Sampling, SurfelizerSettings, TemporalSettings, Viewport,
     glam::DVec3,
     scenes,
     wgpu::{TextureFormat, TextureView},
@@ -65,7 +65,7 @@ impl Stage {
         let gpu = pipelines::gpu();
         let buffers = SceneBuffers::new(gpu, &scenes::dominoes());
         let gatherers = [Sampling::Cosine, Sampling::Glossy].map(|sampling| {
-            let descriptor = HitReconstructorDescriptor {
+            let descriptor = HitResolverDescriptor {
                 payload: Payload::Radiance,
                 sampling,
                 deferred: false,
@@ -123,13 +123,13 @@ impl Stage {
         let traced = BouncedSettings {
             directions,
             frame,
-            background: SKY,
+            sky_radiance: SKY,
             ..BouncedSettings::default()
         };
-        let settings = HitReconstructorSettings {
+        let settings = HitResolverSettings {
             radius: 0,
             f0: [0.5; 3],
-            ..HitReconstructorSettings::default()
+            ..HitResolverSettings::default()
         };
         gatherer
             .render(

@@ -11,12 +11,12 @@ struct Material {
 const BRIGHTEST: f32 = 1e18;
 
 // A material's colour; what is negative or not finite counts as black.
-fn sound(color: vec3f) -> vec3f {
+fn sanitize(color: vec3f) -> vec3f {
   let finite = vec3<bool>(is_finite(color.x), is_finite(color.y), is_finite(color.z));
   return select(vec3f(0.0), clamp(color, vec3f(0.0), vec3f(BRIGHTEST)), finite);
 }
 
 // What a side of a surface sends of its own.
 fn own_radiosity(material: Material, front: bool) -> vec3f {
-  return select(vec3f(0.0), sound(material.emission), front || material.double_sided != 0u);
+  return select(vec3f(0.0), sanitize(material.emission), front || material.double_sided != 0u);
 }

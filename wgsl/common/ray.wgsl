@@ -35,7 +35,7 @@ fn make_ray(origin: vec3f, direction: vec3f) -> Ray {
 }
 
 // How far a ray starts off what it leaves: by more than the rounding of a position.
-fn rounding(position: vec3f) -> f32 {
+fn ray_epsilon(position: vec3f) -> f32 {
   return 4.0 * POSITION_TOLERANCE * max_component(abs(position));
 }
 

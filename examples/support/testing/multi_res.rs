@@ -3,7 +3,7 @@
 use crate::testing::pipelines;
 use deep_screen_space::{
     Camera, GBuffer, MultiResMask, MultiResMaskInput, MultiResMaskSettings, MultiResView,
-    NormalEncoding, NormalSpace, Viewport, WorkList,
+    NormalEncoding, NormalSpace, PixelList, Viewport,
     glam::{DMat4, DVec3},
     reference::{
         multi_res_reconstructor::stands_for, receivers::Decoder, shell_splatter::Receiver,
@@ -240,7 +240,7 @@ pub fn check_work(
     gpu: &Gpu,
     frame: &Frame,
     format: Format,
-    record_effect: impl Fn(&mut wgpu::CommandEncoder, Option<WorkList<'_>>, &wgpu::TextureView),
+    record_effect: impl Fn(&mut wgpu::CommandEncoder, Option<PixelList<'_>>, &wgpu::TextureView),
 ) {
     let size = frame.size();
     let pass = pipelines::multi_res_mask();

@@ -10,10 +10,9 @@ use std::{
 };
 
 use deep_screen_space::{
-    BouncedDescriptor, BouncedZBuffer, BvhBuilder, Effect, HitReconstructor,
-    HitReconstructorDescriptor, MultiResMask, Primitives, Reconstructor, ScreenSpaceGi,
-    ShellSplatter, ShellSplatterDescriptor, SoftShadows, SurfelShader, Surfelizer,
-    wgpu::TextureFormat,
+    BouncedDescriptor, BouncedZBuffer, BvhBuilder, Effect, HitResolver, HitResolverDescriptor,
+    MultiResMask, Primitives, Reconstructor, ScreenSpaceGi, ShellSplatter, ShellSplatterDescriptor,
+    SoftShadows, SurfelShader, Surfelizer, wgpu::TextureFormat,
 };
 
 use crate::gpu::{Ask, Gpu};
@@ -77,9 +76,9 @@ pub fn bounced(descriptor: &BouncedDescriptor) -> &'static BouncedZBuffer {
     })
 }
 
-pub fn hit_reconstructor(descriptor: &HitReconstructorDescriptor) -> &'static HitReconstructor {
+pub fn hit_resolver(descriptor: &HitResolverDescriptor) -> &'static HitResolver {
     once(descriptor, |gpu| {
-        HitReconstructor::new(&gpu.device, descriptor, None).expect("pipelines")
+        HitResolver::new(&gpu.device, descriptor, None).expect("pipelines")
     })
 }
 

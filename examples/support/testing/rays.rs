@@ -5,8 +5,8 @@ use std::sync::LazyLock;
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Bvh, Camera,
-    CloudCapacity, Geometry, HitReconstructor, HitReconstructorDescriptor, HitReconstructorInput,
-    HitReconstructorSettings, Light, Mesh, Payload, Piece, Primitives, Sampling, SurfelCloud,
+    CloudCapacity, Geometry, HitResolver, HitResolverDescriptor, HitResolverInput,
+    HitResolverSettings, Light, Mesh, Payload, Piece, Primitives, Sampling, SurfelCloud,
     SurfelCounts, SurfelRadiance, Surfelizer, SurfelizerInput, SurfelizerSettings, Viewport,
     glam::DVec3,
     reference::{
@@ -116,7 +116,7 @@ impl Lab {
         senders.counts = self.gpu.read_buffer(senders.cloud.counters())[0];
         let pieces: Vec<Piece> = self.gpu.read_buffer(senders.cloud.pieces());
         let taken =
-            mirror::rooms_taken(senders.counts.pieces, senders.cloud.capacity().pieces) as usize;
+            mirror::slots_taken(senders.counts.pieces, senders.cloud.capacity().pieces) as usize;
         let point = |p: [f32; 3]| DVec3::from(p.map(f64::from));
         senders.pieces = pieces[..taken]
             .iter()
@@ -221,8 +221,8 @@ impl Lab {
         payload: Payload,
         sampling: Sampling,
         deferred: bool,
-    ) -> &'static HitReconstructor {
-        pipelines::hit_reconstructor(&HitReconstructorDescriptor {
+    ) -> &'static HitResolver {
+        pipelines::hit_resolver(&HitResolverDescriptor {
             payload,
             sampling,
             deferred,
@@ -233,10 +233,10 @@ impl Lab {
     /// The picture within the viewport.
     pub fn reconstruct(
         &self,
-        reconstructor: &HitReconstructor,
+        reconstructor: &HitResolver,
         shot: &Shot,
         hits: &BouncedView,
-        settings: &HitReconstructorSettings,
+        settings: &HitResolverSettings,
     ) -> Vec<[f32; 4]> {
         let device = &self.gpu.device;
         let Viewport {
@@ -250,7 +250,7 @@ impl Lab {
             .gpu
             .target(wgpu::TextureFormat::Rgba32Float, x + width, y + height);
         let mut encoder = self.gpu.encoder();
-        let input = HitReconstructorInput {
+        let input = HitResolverInput {
             gbuffer: shot.lit_gbuffer(),
             hits,
             target: target.texture().into(),

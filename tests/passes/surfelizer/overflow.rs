@@ -86,7 +86,7 @@ fn what_stays_is_spread_over_the_list() {
                 (f64::from(item) - even).abs() <= stretch + 1.0,
                 "room {room} of {capacity} holds {item} of {total}"
             );
-            assert_eq!(mirror::room_for(item, total, capacity), Some(room as u32));
+            assert_eq!(mirror::slot_for(item, total, capacity), Some(room as u32));
         }
     }
     let (soup, camera) = setup();

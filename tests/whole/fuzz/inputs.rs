@@ -1,7 +1,7 @@
 //! What a caller brings: cameras, textures, G-buffers, lights, tables.
 
 use deep_screen_space::{
-    Camera, GBuffer, Light, NormalEncoding, NormalSpace, TextureSlice, Viewport, WorkList,
+    Camera, GBuffer, Light, NormalEncoding, NormalSpace, PixelList, TextureSlice, Viewport,
     glam::{DMat4, DVec3, DVec4},
     wgpu::{
         self, Buffer, BufferUsages, Texture, TextureFormat as Format, TextureUsages as Usages,
@@ -650,8 +650,8 @@ impl OwnWork {
         }
     }
 
-    pub fn list(&self) -> WorkList<'_> {
-        WorkList {
+    pub fn list(&self) -> PixelList<'_> {
+        PixelList {
             level: self.level,
             pixels: &self.pixels,
             dispatch: &self.dispatch,

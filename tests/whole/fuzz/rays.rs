@@ -2,8 +2,8 @@
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, DiskSettings, HitLighting,
-    HitReconstructor, HitReconstructorDescriptor, HitReconstructorInput, HitReconstructorSettings,
-    Lighting, Merge, Payload, Placement, Primitives, Sampling,
+    HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverSettings, Lighting, Merge,
+    Payload, Placement, Primitives, Sampling,
     wgpu::{TextureFormat, TextureUsages},
 };
 
@@ -64,7 +64,7 @@ fn settings(case: &mut Case<'_>) -> BouncedSettings {
         directions: case.random.count(0, 64),
         radius: case.random.scale(0.0, f32::INFINITY),
         frame: case.random.count(0, 1 << 20),
-        background: std::array::from_fn(|_| case.random.scale(0.0, 1e18)),
+        sky_radiance: std::array::from_fn(|_| case.random.scale(0.0, 1e18)),
         disks: DiskSettings {
             shell_radii: case.random.scale(f32::MIN_POSITIVE, f32::INFINITY),
             merge: case.random.one_of(&[Merge::Nearest, Merge::Finest]),
@@ -154,14 +154,14 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     }
 
     let target_format = inputs::target_format(case);
-    let descriptor = HitReconstructorDescriptor {
+    let descriptor = HitResolverDescriptor {
         payload: descriptor.payload,
         sampling: descriptor.sampling,
         deferred: case.usual("deferred", &[true, false]),
         target: target_format,
     };
     let reconstructor = case.once(descriptor, |device| {
-        HitReconstructor::new(device, &descriptor, None)
+        HitResolver::new(device, &descriptor, None)
     })?;
     let scratch = reconstructor.create_view(device, &view);
     let scratch = case.accept(scratch)?;
@@ -171,7 +171,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         viewport,
         TextureUsages::RENDER_ATTACHMENT,
     );
-    let filter = HitReconstructorSettings {
+    let filter = HitResolverSettings {
         radius: case.random.count(0, 16),
         spread: case.random.scale(f32::MIN_POSITIVE, f32::INFINITY),
         hit_distances: case.random.scale(f32::MIN_POSITIVE, f32::INFINITY),
@@ -181,8 +181,8 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         deviations: case.random.setting(0.0, 100.0),
         f0: std::array::from_fn(|_| case.random.setting(0.0, 1.0)),
     };
-    case.note("hit reconstructor", filter);
-    let input = HitReconstructorInput {
+    case.note("hit resolver", filter);
+    let input = HitResolverInput {
         gbuffer: gbuffer.gbuffer(),
         roughness,
         hits: &view,

@@ -4,9 +4,9 @@ use deep_screen_space::{
     BallSamples, Camera, Channels, Combine, DiskSamples, MultiResLevel, MultiResMask,
     MultiResMaskInput, MultiResMaskSettings, MultiResReconstructor, MultiResReconstructorInput,
     MultiResReconstructorSettings, ObscuranceInput, ObscuranceSampling, ObscuranceSettings,
-    ObscuranceVolume, ScreenSpaceGi, ScreenSpaceGiInput, ScreenSpaceGiSettings, SecondRadius,
-    SoftShadows, SoftShadowsInput, SoftShadowsSettings, TextureSlice, Viewport,
-    VolumetricObscurance, VolumetricObscuranceDescriptor, WorkList,
+    ObscuranceVolume, PixelList, ScreenSpaceGi, ScreenSpaceGiInput, ScreenSpaceGiSettings,
+    SecondRadius, SoftShadows, SoftShadowsInput, SoftShadowsSettings, TextureSlice, Viewport,
+    VolumetricObscurance, VolumetricObscuranceDescriptor,
     wgpu::{TextureFormat as Format, TextureUsages},
 };
 
@@ -107,7 +107,7 @@ impl Effect {
         &self,
         case: &mut Case<'_>,
         (drawn, camera): (&Drawn, &Camera),
-        work: Option<WorkList<'_>>,
+        work: Option<PixelList<'_>>,
         target: TextureSlice<'_>,
     ) -> Option<()> {
         let device = case.device();

@@ -1,9 +1,9 @@
 //! Buffers of any size: whole words of them are bound, and no more than is needed.
 
 use deep_screen_space::{
-    Gatherer, ObscuranceInput, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume,
+    Gatherer, ObscuranceInput, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume, PixelList,
     PolygonLight, SurfelShader, SurfelShaderInput, SurfelShaderSettings, Timestamps,
-    VolumetricObscurance, VolumetricObscuranceDescriptor, WorkList,
+    VolumetricObscurance, VolumetricObscuranceDescriptor,
 };
 
 use super::*;
@@ -72,7 +72,7 @@ fn buffers_of_any_size_are_bound() {
             normals: None,
             camera: &lab.camera,
             moments: None,
-            work: Some(WorkList {
+            work: Some(PixelList {
                 level: 0,
                 pixels: &lab.bytes(bytes, storage),
                 dispatch: &lab.bytes(13, BufferUsages::INDIRECT),
@@ -89,7 +89,7 @@ fn buffers_of_any_size_are_bound() {
     refused(
         list(e, listed - 1),
         "Buffer",
-        "WorkList::pixels",
+        "PixelList::pixels",
         "at least",
     );
     if let Some(long) = long {

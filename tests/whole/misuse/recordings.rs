@@ -1,8 +1,8 @@
 //! Objects that were not recorded, or not from what they are used with, or not since that was.
 
 use deep_screen_space::{
-    Components, Gatherer, HitReconstructor, HitReconstructorDescriptor, HitReconstructorInput,
-    HitReconstructorSettings, Payload, PolygonLight, Reconstructor, ReconstructorInput,
+    Components, Gatherer, HitResolver, HitResolverDescriptor, HitResolverInput,
+    HitResolverSettings, Payload, PolygonLight, Reconstructor, ReconstructorInput,
     ReconstructorSettings, Sampling, SgHull, SgHullDescriptor, SgHullInput, SgHullSettings,
     SgHullSize, ShadedLight, Shadow, SurfelShader, SurfelShaderInput, SurfelShaderSettings,
 };
@@ -128,24 +128,24 @@ fn bounds_and_hits_are_those_of_the_cloud() {
     let shaded = shader.record(device, e, &input, &settings);
     refused(shaded, kind, "Bvh", "another SurfelCloud");
 
-    let descriptor = HitReconstructorDescriptor {
+    let descriptor = HitResolverDescriptor {
         payload: Payload::Occlusion,
         sampling: Sampling::default(),
         deferred: false,
         target: Format::R32Float,
     };
-    let pass = HitReconstructor::new(device, &descriptor, None).expect("pipelines");
+    let pass = HitResolver::new(device, &descriptor, None).expect("pipelines");
     let scratch = pass.create_view(device, &hits).expect("a view");
     let target = lab.gpu.target(Format::R32Float, SIDE, SIDE);
     let resolve = |e: &mut wgpu::CommandEncoder| {
-        let input = HitReconstructorInput {
+        let input = HitResolverInput {
             gbuffer: lab.gbuffer(),
             roughness: None,
             hits: &hits,
             target: target.texture().into(),
             timestamps: None,
         };
-        let settings = HitReconstructorSettings::default();
+        let settings = HitResolverSettings::default();
         pass.record(device, e, &input, &settings, &scratch)
     };
     refused(resolve(e), kind, "BouncedView", never);

@@ -1,13 +1,12 @@
 //! Parts of textures: what a view would not have told is right by construction, or refused.
 
 use deep_screen_space::{
-    Components, Effect, Gatherer, HitReconstructor, HitReconstructorDescriptor,
-    HitReconstructorInput, HitReconstructorSettings, Light, ReconstructorInput,
-    ReconstructorSettings, Sampling, ScreenSpaceGi, ScreenSpaceGiInput, ScreenSpaceGiSettings,
-    SgHull, SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize, SgHullView, ShadowMap,
-    SoftShadows, SoftShadowsInput, SoftShadowsSettings, TemporalAccumulator, TemporalInput,
-    TemporalSettings, TextureSlice, reference::receivers::decode_albedo,
-    wgpu::TextureUsages as Usages,
+    Components, Effect, Gatherer, HitResolver, HitResolverDescriptor, HitResolverInput,
+    HitResolverSettings, Light, ReconstructorInput, ReconstructorSettings, Sampling, ScreenSpaceGi,
+    ScreenSpaceGiInput, ScreenSpaceGiSettings, SgHull, SgHullDescriptor, SgHullInput,
+    SgHullSettings, SgHullSize, SgHullView, ShadowMap, SoftShadows, SoftShadowsInput,
+    SoftShadowsSettings, TemporalAccumulator, TemporalInput, TemporalSettings, TextureSlice,
+    reference::receivers::decode_albedo, wgpu::TextureUsages as Usages,
 };
 
 use super::*;
@@ -471,7 +470,7 @@ fn hits_picture(lab: &Lab, gbuffer: GBuffer<'_>) -> Vec<[f32; 4]> {
     let hits = lab.hits(&lab.lit);
     let traced = BouncedSettings {
         directions: 4,
-        background: [1.0; 3],
+        sky_radiance: [1.0; 3],
         ..BouncedSettings::default()
     };
     let input = BouncedInput {
@@ -490,23 +489,23 @@ fn hits_picture(lab: &Lab, gbuffer: GBuffer<'_>) -> Vec<[f32; 4]> {
     lab.lit
         .record(device, &mut encoder, &input, &traced, &hits)
         .expect("hits");
-    let descriptor = HitReconstructorDescriptor {
+    let descriptor = HitResolverDescriptor {
         payload: Payload::Radiance,
         sampling: Sampling::default(),
         deferred: false,
         target: Format::Rgba32Float,
     };
-    let pass = HitReconstructor::new(device, &descriptor, None).expect("pipelines");
+    let pass = HitResolver::new(device, &descriptor, None).expect("pipelines");
     let scratch = pass.create_view(device, &hits).expect("a view");
     let target = lab.gpu.target(Format::Rgba32Float, SIDE, SIDE);
-    let input = HitReconstructorInput {
+    let input = HitResolverInput {
         gbuffer,
         roughness: None,
         hits: &hits,
         target: target.texture().into(),
         timestamps: None,
     };
-    let settings = HitReconstructorSettings::default();
+    let settings = HitResolverSettings::default();
     pass.record(device, &mut encoder, &input, &settings, &scratch)
         .expect("a picture");
     lab.gpu.finish(encoder);

@@ -2,9 +2,9 @@
 
 use crate::error::{Error, check_setting};
 
-/// Settings of the [`HitReconstructor`](crate::HitReconstructor).
+/// Settings of the [`HitResolver`](crate::HitResolver).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct HitReconstructorSettings {
+pub struct HitResolverSettings {
     /// Half width of the window in pixels, 0…16: `(2 radius + 1)²` pixels share their hits. 0 for each pixel's own
     /// alone. Default 6.
     pub radius: u32,
@@ -43,7 +43,7 @@ pub struct HitReconstructorSettings {
 /// The widest window.
 pub(crate) const MAX_RADIUS: u32 = 16;
 
-impl Default for HitReconstructorSettings {
+impl Default for HitResolverSettings {
     fn default() -> Self {
         Self {
             radius: 6,
@@ -58,7 +58,7 @@ impl Default for HitReconstructorSettings {
     }
 }
 
-impl HitReconstructorSettings {
+impl HitResolverSettings {
     /// What suits occlusion by so many directions a pixel, 1…64: the fewer, the wider the window. Measured in six views of
     /// three scenes, at 1, 4 and 16 directions.
     pub fn for_occlusion(directions: u32) -> Self {
@@ -95,47 +95,44 @@ impl HitReconstructorSettings {
     pub fn validate(&self) -> Result<(), Error> {
         check_setting(
             self.radius <= MAX_RADIUS,
-            "HitReconstructorSettings::radius",
+            "HitResolverSettings::radius",
             self.radius,
             "0 to 16",
         )?;
         for (field, value) in [
-            ("HitReconstructorSettings::spread", self.spread),
-            (
-                "HitReconstructorSettings::hit_distances",
-                self.hit_distances,
-            ),
+            ("HitResolverSettings::spread", self.spread),
+            ("HitResolverSettings::hit_distances", self.hit_distances),
         ] {
             check_setting(value > 0.0, field, value, "above 0, to infinity")?;
         }
         check_setting(
             self.damping >= 0.01,
-            "HitReconstructorSettings::damping",
+            "HitResolverSettings::damping",
             self.damping,
             "0.01 to infinity",
         )?;
         check_setting(
             self.plane_distance > 0.0 && self.plane_distance.is_finite(),
-            "HitReconstructorSettings::plane_distance",
+            "HitResolverSettings::plane_distance",
             self.plane_distance,
             "above 0, finite",
         )?;
         check_setting(
             (8.0..=1000.0).contains(&self.normal_power),
-            "HitReconstructorSettings::normal_power",
+            "HitResolverSettings::normal_power",
             self.normal_power,
             "8 to 1000",
         )?;
         check_setting(
             (0.0..=100.0).contains(&self.deviations),
-            "HitReconstructorSettings::deviations",
+            "HitResolverSettings::deviations",
             self.deviations,
             "0 to 100",
         )?;
         for channel in self.f0 {
             check_setting(
                 (0.0..=1.0).contains(&channel),
-                "HitReconstructorSettings::f0",
+                "HitResolverSettings::f0",
                 channel,
                 "0 to 1",
             )?;

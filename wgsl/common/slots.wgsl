@@ -19,7 +19,7 @@ fn keep_ratio(total: u32, capacity: u32) -> u32 {
 }
 
 // NO_ROOM for items left out.
-fn room_for(index: u32, total: u32, capacity: u32) -> u32 {
+fn slot_for(index: u32, total: u32, capacity: u32) -> u32 {
   if total <= capacity {
     return index;
   }
@@ -37,8 +37,8 @@ fn nearest_room(index: u32, total: u32, capacity: u32) -> u32 {
   return multiply_high(index, keep_ratio(total, capacity));
 }
 
-// How many rooms are taken: the last one may not be.
-fn rooms_taken(total: u32, capacity: u32) -> u32 {
+// How many slots are taken: the last one may not be.
+fn slots_taken(total: u32, capacity: u32) -> u32 {
   return select(nearest_room(max(total, 1u) - 1u, total, capacity) + 1u, 0u, total == 0u || capacity == 0u);
 }
 

@@ -1,14 +1,11 @@
-//! The `HitReconstructor` against its f64 mirror, and with the bounced z-buffer before it against the ray tracer.
+//! The `HitResolver` against its f64 mirror, and with the bounced z-buffer before it against the ray tracer.
 
 use deep_screen_space::{
-    BouncedSettings, Camera, Error, HitReconstructor, HitReconstructorDescriptor,
-    HitReconstructorInput, HitReconstructorSettings, Light, Payload, Sampling, ShadedLight, Shadow,
-    SurfelRadiance, SurfelShaderInput, SurfelShaderSettings, SurfelizerSettings, Timestamps,
-    Viewport,
+    BouncedSettings, Camera, Error, HitResolver, HitResolverDescriptor, HitResolverInput,
+    HitResolverSettings, Light, Payload, Sampling, ShadedLight, Shadow, SurfelRadiance,
+    SurfelShaderInput, SurfelShaderSettings, SurfelizerSettings, Timestamps, Viewport,
     glam::{DVec2, DVec3},
-    reference::{
-        self, hit_reconstructor::HitReconstruction, packing::unpack_color, trace::Receiver,
-    },
+    reference::{self, hit_resolver::HitResolution, packing::unpack_color, trace::Receiver},
     scenes::{self, Scene},
     wgpu,
 };
@@ -28,10 +25,10 @@ fn traced(directions: u32) -> BouncedSettings {
 }
 
 /// Each pixel's own hits alone.
-fn own() -> HitReconstructorSettings {
-    HitReconstructorSettings {
+fn own() -> HitResolverSettings {
+    HitResolverSettings {
         radius: 0,
-        ..HitReconstructorSettings::default()
+        ..HitResolverSettings::default()
     }
 }
 
@@ -126,12 +123,12 @@ fn reconstruction_is_the_mirrors() {
             {
                 let reconstructor = lab.reconstructor(payload, sampling, deferred);
                 for (directions, frame, settings) in [
-                    (4, 0, HitReconstructorSettings::default()),
+                    (4, 0, HitResolverSettings::default()),
                     (5, 9, own()),
                     (
                         33,
                         2,
-                        HitReconstructorSettings {
+                        HitResolverSettings {
                             radius: 2,
                             plane_distance: 0.7,
                             normal_power: 40.0,
@@ -139,30 +136,30 @@ fn reconstruction_is_the_mirrors() {
                             spread: f32::INFINITY,
                             hit_distances: f32::INFINITY,
                             damping: f32::INFINITY,
-                            ..HitReconstructorSettings::default()
+                            ..HitResolverSettings::default()
                         },
                     ),
                     (
                         1,
                         3,
-                        HitReconstructorSettings {
+                        HitResolverSettings {
                             damping: 0.01,
-                            ..HitReconstructorSettings::for_occlusion(1)
+                            ..HitResolverSettings::for_occlusion(1)
                         },
                     ),
                     (
                         2,
                         0,
-                        HitReconstructorSettings {
+                        HitResolverSettings {
                             spread: f32::MIN_POSITIVE,
                             hit_distances: f32::MIN_POSITIVE,
-                            ..HitReconstructorSettings::default()
+                            ..HitResolverSettings::default()
                         },
                     ),
                 ] {
                     let traced = BouncedSettings {
                         frame,
-                        background: [3.0, 0.1, 0.4],
+                        sky_radiance: [3.0, 0.1, 0.4],
                         ..traced(directions)
                     };
                     let hits = lab.trace(&shot, &senders, radiance, &traced, sampling);
@@ -182,7 +179,7 @@ fn reconstruction_is_the_mirrors() {
                             .collect()
                     };
                     let nearness: Vec<u32> = lab.gpu.read_buffer(hits.nearness());
-                    let mirror = HitReconstruction {
+                    let mirror = HitResolution {
                         camera: &camera,
                         origin: senders.cloud.origin(),
                         receivers: &receivers,
@@ -239,7 +236,7 @@ fn openness(
     senders: &Senders,
     traced: &BouncedSettings,
     sampling: Sampling,
-    settings: &HitReconstructorSettings,
+    settings: &HitResolverSettings,
     deferred: bool,
 ) -> Vec<f64> {
     let lab = lab();
@@ -326,12 +323,12 @@ fn errors_fall_with_directions() {
                     radius,
                     ..traced(directions)
                 };
-                let error = |filter: &HitReconstructorSettings, deferred| {
+                let error = |filter: &HitResolverSettings, deferred| {
                     let found = openness(&shot, &senders, &settings, sampling, filter, deferred);
                     rms(&errors(&shot, &found, &expected))
                 };
                 let alone = error(&own(), false);
-                let filtered = error(&HitReconstructorSettings::default(), true);
+                let filtered = error(&HitResolverSettings::default(), true);
                 let inputs = format!(
                     "{} {view} radius {radius}, {sampling:?}, {directions} directions",
                     scene.name
@@ -360,7 +357,7 @@ fn errors_fall_with_density() {
     };
     let picture = |cloud: &SurfelizerSettings| {
         let senders = senders_of(&shot, cloud);
-        let filter = HitReconstructorSettings::default();
+        let filter = HitResolverSettings::default();
         openness(&shot, &senders, &settings, Sampling::Cosine, &filter, true)
     };
     let expected = picture(&triangles());
@@ -410,7 +407,7 @@ fn furnace_is_uniform() {
             for directions in [1, 9] {
                 let traced = traced(directions);
                 let hits = lab.trace(&shot, &senders, Some(&buffer), &traced, sampling);
-                let filter = HitReconstructorSettings::default();
+                let filter = HitResolverSettings::default();
                 let found = lab.reconstruct(reconstructor, &shot, &hits, &filter);
                 for (i, found) in found.into_iter().enumerate() {
                     let expected =
@@ -448,7 +445,7 @@ fn no_directions_are_open_and_dark() {
                 let traced = traced(directions);
                 lab.trace_into(&shot, &senders, radiance, &traced, Sampling::Cosine, &view);
             }
-            let filter = HitReconstructorSettings::default();
+            let filter = HitResolverSettings::default();
             let found = lab.reconstruct(reconstructor, &shot, &view, &filter);
             let expected = if radiance.is_some() { 0.0 } else { 1.0 };
             for (i, found) in found.into_iter().enumerate() {
@@ -548,7 +545,7 @@ fn one_bounce_is_the_tracers() {
         let traced = traced(64);
         let hits = lab.trace(&shot, &senders, Some(&radiance), &traced, Sampling::Cosine);
         let reconstructor = lab.reconstructor(Payload::Radiance, Sampling::Cosine, true);
-        let filter = HitReconstructorSettings::default();
+        let filter = HitResolverSettings::default();
         let found = lab.reconstruct(reconstructor, &shot, &hits, &filter);
         let truth = shot.tracer.one_bounce_image(
             &tracer_receivers(&shot),
@@ -657,12 +654,12 @@ fn steady_changes_are_kept() {
     let nearness = vec![1 << 12; receivers.len()];
     let traced = traced(1);
     let worst = |damping| {
-        let settings = HitReconstructorSettings {
+        let settings = HitResolverSettings {
             damping,
             plane_distance: 100.0,
-            ..HitReconstructorSettings::default()
+            ..HitResolverSettings::default()
         };
-        let mirror = HitReconstruction {
+        let mirror = HitResolution {
             camera: &camera,
             origin,
             receivers: &receivers,
@@ -689,22 +686,22 @@ fn steady_changes_are_kept() {
 
 #[test]
 fn settings_out_of_range_are_typed_errors() {
-    let good = HitReconstructorSettings::default();
+    let good = HitResolverSettings::default();
     for good in [
         good,
-        HitReconstructorSettings { radius: 16, ..good },
-        HitReconstructorSettings {
+        HitResolverSettings { radius: 16, ..good },
+        HitResolverSettings {
             normal_power: 1000.0,
             deviations: 100.0,
             ..good
         },
-        HitReconstructorSettings {
+        HitResolverSettings {
             spread: f32::INFINITY,
             hit_distances: f32::INFINITY,
             damping: f32::INFINITY,
             ..good
         },
-        HitReconstructorSettings {
+        HitResolverSettings {
             spread: f32::MIN_POSITIVE,
             hit_distances: f32::MIN_POSITIVE,
             damping: 0.01,
@@ -715,81 +712,81 @@ fn settings_out_of_range_are_typed_errors() {
     }
     let bad = [
         (
-            HitReconstructorSettings {
+            HitResolverSettings {
                 spread: 0.0,
                 ..good
             },
-            "HitReconstructorSettings::spread",
+            "HitResolverSettings::spread",
         ),
         (
-            HitReconstructorSettings {
+            HitResolverSettings {
                 hit_distances: f32::NAN,
                 ..good
             },
-            "HitReconstructorSettings::hit_distances",
+            "HitResolverSettings::hit_distances",
         ),
         (
-            HitReconstructorSettings {
+            HitResolverSettings {
                 damping: 9e-4,
                 ..good
             },
-            "HitReconstructorSettings::damping",
+            "HitResolverSettings::damping",
         ),
         (
-            HitReconstructorSettings { radius: 17, ..good },
-            "HitReconstructorSettings::radius",
+            HitResolverSettings { radius: 17, ..good },
+            "HitResolverSettings::radius",
         ),
         (
-            HitReconstructorSettings {
+            HitResolverSettings {
                 plane_distance: 0.0,
                 ..good
             },
-            "HitReconstructorSettings::plane_distance",
+            "HitResolverSettings::plane_distance",
         ),
         (
-            HitReconstructorSettings {
+            HitResolverSettings {
                 plane_distance: f32::INFINITY,
                 ..good
             },
-            "HitReconstructorSettings::plane_distance",
+            "HitResolverSettings::plane_distance",
         ),
         (
-            HitReconstructorSettings {
+            HitResolverSettings {
                 plane_distance: f32::NAN,
                 ..good
             },
-            "HitReconstructorSettings::plane_distance",
+            "HitResolverSettings::plane_distance",
         ),
         (
-            HitReconstructorSettings {
+            HitResolverSettings {
                 normal_power: 7.9,
                 ..good
             },
-            "HitReconstructorSettings::normal_power",
+            "HitResolverSettings::normal_power",
         ),
         (
-            HitReconstructorSettings {
+            HitResolverSettings {
                 normal_power: 1001.0,
                 ..good
             },
-            "HitReconstructorSettings::normal_power",
+            "HitResolverSettings::normal_power",
         ),
         (
-            HitReconstructorSettings {
+            HitResolverSettings {
                 deviations: -1.0,
                 ..good
             },
-            "HitReconstructorSettings::deviations",
+            "HitResolverSettings::deviations",
         ),
         (
-            HitReconstructorSettings {
+            HitResolverSettings {
                 deviations: f32::NAN,
                 ..good
             },
-            "HitReconstructorSettings::deviations",
+            "HitResolverSettings::deviations",
         ),
     ];
-    fields_refused(bad, HitReconstructorSettings::validate);
+    fields_refused(bad, HitResolverSettings::validate);
 }
 
 #[test]
@@ -814,18 +811,14 @@ fn what_does_not_fit_is_a_typed_error() {
         wgpu::TextureFormat::Depth32Float,
         wgpu::TextureFormat::Bc1RgbaUnorm,
     ] {
-        let descriptor = HitReconstructorDescriptor {
+        let descriptor = HitResolverDescriptor {
             payload: Payload::Occlusion,
             sampling: Sampling::Cosine,
             deferred: false,
             target,
         };
-        let made = HitReconstructor::new(device, &descriptor, None);
-        assert_eq!(
-            named(made.map(|_| ())),
-            "HitReconstructor target",
-            "{target:?}"
-        );
+        let made = HitResolver::new(device, &descriptor, None);
+        assert_eq!(named(made.map(|_| ())), "HitResolver target", "{target:?}");
     }
     let format = wgpu::TextureFormat::Rgba32Float;
     let reconstructor = lab.reconstructor(Payload::Radiance, Sampling::Cosine, true);
@@ -836,26 +829,23 @@ fn what_does_not_fit_is_a_typed_error() {
     let hits = lab.trace(&shot, &senders, Some(&dark), &four, Sampling::Cosine);
     let scratch = reconstructor.create_view(device, &hits).expect("a view");
     let target = lab.gpu.target(format, 16, 8);
-    let input = HitReconstructorInput {
+    let input = HitResolverInput {
         gbuffer: shot.lit_gbuffer(),
         hits: &hits,
         target: target.texture().into(),
         timestamps: None,
         roughness: None,
     };
-    let record = |input: &HitReconstructorInput<'_>, settings: &HitReconstructorSettings| {
+    let record = |input: &HitResolverInput<'_>, settings: &HitResolverSettings| {
         reconstructor.record(device, &mut lab.gpu.encoder(), input, settings, &scratch)
     };
-    let default = HitReconstructorSettings::default();
+    let default = HitResolverSettings::default();
     assert_eq!(record(&input, &default), Ok(()));
-    let wide = HitReconstructorSettings {
+    let wide = HitResolverSettings {
         radius: 17,
         ..default
     };
-    assert_eq!(
-        named(record(&input, &wide)),
-        "HitReconstructorSettings::radius"
-    );
+    assert_eq!(named(record(&input, &wide)), "HitResolverSettings::radius");
 
     // Hits of another kind, and a view for another size.
     let narrow = shot_of(&scene, 0, [8, 8]);
@@ -863,17 +853,17 @@ fn what_does_not_fit_is_a_typed_error() {
         view(Payload::Occlusion, Sampling::Cosine, 4),
         view(Payload::Radiance, Sampling::Uniform, 4),
     ] {
-        let bad = HitReconstructorInput {
+        let bad = HitResolverInput {
             hits: &hits,
             ..input
         };
-        assert_eq!(named(record(&bad, &default)), "HitReconstructorInput::hits");
+        assert_eq!(named(record(&bad, &default)), "HitResolverInput::hits");
     }
     let small = lab.view(&narrow, Payload::Radiance, Sampling::Cosine, 4);
     let small = reconstructor.create_view(device, &small).expect("a view");
     let mut encoder = lab.gpu.encoder();
     let wrong = reconstructor.record(device, &mut encoder, &input, &default, &small);
-    assert_eq!(named(wrong), "HitReconstructorView");
+    assert_eq!(named(wrong), "HitResolverView");
 
     // Targets and G-buffers.
     let unusable = lab.gpu.texture(format, 16, 8, &[[0.0_f32; 4]; 128]);
@@ -882,20 +872,17 @@ fn what_does_not_fit_is_a_typed_error() {
         lab.gpu.target(format, 15, 8),
         unusable,
     ] {
-        let bad = HitReconstructorInput {
+        let bad = HitResolverInput {
             target: target.texture().into(),
             ..input
         };
-        assert_eq!(
-            named(record(&bad, &default)),
-            "HitReconstructorInput::target"
-        );
+        assert_eq!(named(record(&bad, &default)), "HitResolverInput::target");
     }
     for (gbuffer, expected) in [
         (shot.gbuffer(), "GBuffer::albedo"),
         (narrow.lit_gbuffer(), "GBuffer::depth"),
     ] {
-        let bad = HitReconstructorInput { gbuffer, ..input };
+        let bad = HitResolverInput { gbuffer, ..input };
         assert_eq!(named(record(&bad, &default)), expected);
     }
     if device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
@@ -909,7 +896,7 @@ fn what_does_not_fit_is_a_typed_error() {
             begin: 1,
             end: 1,
         });
-        let bad = HitReconstructorInput {
+        let bad = HitResolverInput {
             timestamps,
             ..input
         };

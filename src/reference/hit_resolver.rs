@@ -1,4 +1,4 @@
-//! Mirror of `wgsl/hit_reconstructor.wgsl`.
+//! Mirror of `wgsl/hit_resolver.wgsl`.
 
 use std::f64::consts::PI;
 
@@ -11,13 +11,13 @@ use super::{
     shell_splatter::Receiver,
 };
 use crate::{
-    BouncedSettings, Camera, HitReconstructorSettings, Payload, Sampling,
-    hit_reconstructor::params::{falloff, near_radius, per_hit_distance, plane_unit},
+    BouncedSettings, Camera, HitResolverSettings, Payload, Sampling,
+    hit_resolver::params::{falloff, near_radius, per_hit_distance, plane_unit},
 };
 
 /// What a reconstruction works on.
 #[derive(Clone, Copy, Debug)]
-pub struct HitReconstruction<'a> {
+pub struct HitResolution<'a> {
     /// The camera of the view.
     pub camera: &'a Camera,
     /// The eye that positions are relative to.
@@ -31,8 +31,8 @@ pub struct HitReconstruction<'a> {
     /// How their directions were drawn.
     pub sampling: Sampling,
     /// The settings.
-    pub settings: &'a HitReconstructorSettings,
-    /// As [`HitReconstructorDescriptor::deferred`](crate::HitReconstructorDescriptor::deferred).
+    pub settings: &'a HitResolverSettings,
+    /// As [`HitResolverDescriptor::deferred`](crate::HitResolverDescriptor::deferred).
     pub deferred: bool,
     /// What came along each direction, in the order of [`directions`]: radiance, or 1 where nothing was hit.
     pub incoming: &'a [DVec3],
@@ -61,7 +61,7 @@ fn luminance(color: DVec3) -> f64 {
     color.dot(DVec3::new(0.2126, 0.7152, 0.0722))
 }
 
-impl HitReconstruction<'_> {
+impl HitResolution<'_> {
     fn size(&self) -> IVec2 {
         let viewport = self.camera.viewport();
         IVec2::new(viewport.width as i32, viewport.height as i32)

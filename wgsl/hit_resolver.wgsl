@@ -1,4 +1,4 @@
-// HitReconstructor: from the hits of a bounced z-buffer to the caller's picture (The Bounced Z-buffer 3.3).
+// HitResolver: from the hits of a bounced z-buffer to the caller's picture (The Bounced Z-buffer 3.3).
 //
 //   average       compute: each pixel's own mean over its directions, and how uncertain it is
 //   near          compute: how near the hits of a pixel and of those beside it are

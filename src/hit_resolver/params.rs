@@ -1,8 +1,8 @@
-//! What the GPU reads: `Params` of `wgsl/hit_reconstructor.wgsl`.
+//! What the GPU reads: `Params` of `wgsl/hit_resolver.wgsl`.
 
 use bytemuck::{Pod, Zeroable};
 
-use super::settings::HitReconstructorSettings;
+use super::settings::HitResolverSettings;
 use crate::{
     bounced_z_buffer::{params::grid, view::Traced, words},
     camera::CameraParams,
@@ -10,7 +10,7 @@ use crate::{
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-pub struct HitReconstructorParams {
+pub struct HitResolverParams {
     pub(crate) camera: CameraParams,
     pub(crate) columns: u32,
     pub(crate) rows: u32,
@@ -35,17 +35,17 @@ const FLAT: f32 = 1e9;
 const STEEP: f32 = 1e9;
 
 /// Of the square of a neighbour's distance in pixels.
-pub(crate) fn falloff(settings: &HitReconstructorSettings) -> f32 {
+pub(crate) fn falloff(settings: &HitResolverSettings) -> f32 {
     (0.5 / settings.spread.powi(2)).min(STEEP)
 }
 
 /// Over the mean distance of hits.
-pub(crate) fn per_hit_distance(settings: &HitReconstructorSettings) -> f32 {
+pub(crate) fn per_hit_distance(settings: &HitResolverSettings) -> f32 {
     settings.hit_distances.recip().min(STEEP)
 }
 
 /// Unit of the plane's coordinates in pixels. Of less than half a pixel nothing is in sight but the pixel itself.
-pub(crate) fn plane_unit(settings: &HitReconstructorSettings) -> f32 {
+pub(crate) fn plane_unit(settings: &HitResolverSettings) -> f32 {
     settings.spread.clamp(0.5, settings.radius.max(1) as f32)
 }
 
@@ -58,8 +58,8 @@ pub(crate) fn near_radius(directions: u32) -> u32 {
     }
 }
 
-impl HitReconstructorParams {
-    pub fn new(settings: &HitReconstructorSettings, traced: &Traced) -> Self {
+impl HitResolverParams {
+    pub fn new(settings: &HitResolverSettings, traced: &Traced) -> Self {
         let bounced = &traced.settings;
         let [columns, rows] = grid(bounced.directions);
         Self {

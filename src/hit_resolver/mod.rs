@@ -1,4 +1,4 @@
-//! From hits to the caller's picture (The Bounced Z-buffer 3.3; `wgsl/hit_reconstructor.wgsl`).
+//! From hits to the caller's picture (The Bounced Z-buffer 3.3; `wgsl/hit_resolver.wgsl`).
 
 pub(crate) mod params;
 pub(crate) mod settings;
@@ -8,7 +8,7 @@ use wgpu::{
     ShaderStages, TextureFormat, TextureView, TextureViewDimension,
 };
 
-use self::{params::HitReconstructorParams, settings::HitReconstructorSettings};
+use self::{params::HitResolverParams, settings::HitResolverSettings};
 use crate::{
     bounced_z_buffer::{
         BouncedZBuffer,
@@ -30,9 +30,9 @@ use crate::{
     texture_slice::{TextureSlice, check_apart},
 };
 
-const SOURCE: &str = include_str!("../../wgsl/hit_reconstructor.wgsl");
+const SOURCE: &str = include_str!("../../wgsl/hit_resolver.wgsl");
 
-const LABEL: &str = "deep-screen-space hit reconstructor";
+const LABEL: &str = "deep-screen-space hit resolver";
 
 /// Gathers the hits of a [`BouncedZBuffer`](crate::BouncedZBuffer) over each pixel's neighbourhood, as wide as they are far
 /// away, fits a plane to what it finds there, and writes its value at the pixel into the caller's texture: with [`Payload::Occlusion`] ambient visibility, 1 = open, with [`Payload::Radiance`] the
@@ -40,7 +40,7 @@ const LABEL: &str = "deep-screen-space hit reconstructor";
 ///
 /// With [`Sampling::Glossy`] the surface is glossy instead: `∫ L(ω) f(ω, view) ⟨n, ω⟩ dω` with `f = D G F / (4 ⟨n, ω⟩ ⟨n,
 /// view⟩)`, D and G those of Trowbridge-Reitz (GGX) with correlated heights (Heitz, *Understanding the Masking-Shadowing
-/// Function in Microfacet-Based BRDFs*, 2014), and F that of [`HitReconstructorSettings::f0`]; albedo is not read. Visibility
+/// Function in Microfacet-Based BRDFs*, 2014), and F that of [`HitResolverSettings::f0`]; albedo is not read. Visibility
 /// is then weighed by `D G` alone. Without a window the mean over directions has no bias. With one a neighbour counts as far
 /// as its lobe overlaps the pixel's, a mirror's own hits alone; its hits count by how much denser the pixel would draw them,
 /// at most 4 times, divided by their sum, so that they are not as spread as they should be where lobes differ. What is
@@ -48,8 +48,8 @@ const LABEL: &str = "deep-screen-space hit reconstructor";
 ///
 /// Holds pipelines only, for one kind of hits and one target format; one serves any number of views.
 #[derive(Debug)]
-pub struct HitReconstructor {
-    descriptor: HitReconstructorDescriptor,
+pub struct HitResolver {
+    descriptor: HitResolverDescriptor,
     average_layout: BindGroupLayout,
     near_layout: BindGroupLayout,
     layout: BindGroupLayout,
@@ -58,9 +58,9 @@ pub struct HitReconstructor {
     reconstruct: RenderPipeline,
 }
 
-/// What a [`HitReconstructor`] is compiled for.
+/// What a [`HitResolver`] is compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct HitReconstructorDescriptor {
+pub struct HitResolverDescriptor {
     /// The payload of the hits.
     pub payload: Payload,
     /// How their directions were drawn.
@@ -73,7 +73,7 @@ pub struct HitReconstructorDescriptor {
     pub target: TextureFormat,
 }
 
-impl HitReconstructorDescriptor {
+impl HitResolverDescriptor {
     fn glossy(&self) -> bool {
         self.sampling == Sampling::Glossy
     }
@@ -84,15 +84,15 @@ impl HitReconstructorDescriptor {
     }
 }
 
-/// What a [`HitReconstructor`] needs for a view: each pixel's own mean, and how near its hits are.
+/// What a [`HitResolver`] needs for a view: each pixel's own mean, and how near its hits are.
 #[derive(Debug)]
-pub struct HitReconstructorView {
+pub struct HitResolverView {
     size: [u32; 2],
     means: TextureView,
     inverse_distances: TextureView,
 }
 
-impl HitReconstructorView {
+impl HitResolverView {
     /// GPU memory that it owns, bytes.
     pub fn memory_bytes(&self) -> u64 {
         plane_bytes(TextureFormat::Rgba32Float, self.size, 1)
@@ -100,9 +100,9 @@ impl HitReconstructorView {
     }
 }
 
-/// What one recording of the [`HitReconstructor`] works on.
+/// What one recording of the [`HitResolver`] works on.
 #[derive(Clone, Copy, Debug)]
-pub struct HitReconstructorInput<'a> {
+pub struct HitResolverInput<'a> {
     /// The G-buffer that was traced from; with [`Payload::Radiance`] its albedo is needed, unless receivers are glossy.
     pub gbuffer: GBuffer<'a>,
     /// The roughness that was traced with, as [`BouncedInput::roughness`](crate::BouncedInput::roughness).
@@ -117,42 +117,42 @@ pub struct HitReconstructorInput<'a> {
 }
 
 impl BouncedZBuffer {
-    /// The pass that makes a picture of this one's hits, in a target of that format: [`HitReconstructor::new`] for the same
-    /// payload and sampling. `deferred` is [`HitReconstructorDescriptor::deferred`].
+    /// The pass that makes a picture of this one's hits, in a target of that format: [`HitResolver::new`] for the same
+    /// payload and sampling. `deferred` is [`HitResolverDescriptor::deferred`].
     ///
     /// # Errors
-    /// As [`HitReconstructor::new`].
-    pub fn reconstructor(
+    /// As [`HitResolver::new`].
+    pub fn resolver(
         &self,
         device: &Device,
         target: TextureFormat,
         deferred: bool,
         cache: Option<&PipelineCache>,
-    ) -> Result<HitReconstructor, Error> {
+    ) -> Result<HitResolver, Error> {
         let BouncedDescriptor {
             payload, sampling, ..
         } = *self.descriptor();
-        let descriptor = HitReconstructorDescriptor {
+        let descriptor = HitResolverDescriptor {
             payload,
             sampling,
             deferred,
             target,
         };
-        HitReconstructor::new(device, &descriptor, cache)
+        HitResolver::new(device, &descriptor, cache)
     }
 }
 
-impl HitReconstructor {
+impl HitResolver {
     /// Compiles the pipelines.
     ///
     /// # Errors
     /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats.
     pub fn new(
         device: &Device,
-        descriptor: &HitReconstructorDescriptor,
+        descriptor: &HitResolverDescriptor,
         cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
-        screen::check_format(device, "HitReconstructor target", descriptor.target)?;
+        screen::check_format(device, "HitResolver target", descriptor.target)?;
         let radiance = descriptor.payload == Payload::Radiance;
         let hits = if radiance { UINT_ARRAY } else { READ };
         let shared = [(0, UNIFORM), (1, UINT_2D), (2, hits)];
@@ -235,13 +235,13 @@ impl HitReconstructor {
         &self,
         device: &Device,
         hits: &BouncedView,
-    ) -> Result<HitReconstructorView, Error> {
+    ) -> Result<HitResolverView, Error> {
         let size = hits.size();
         let texture = |label, format| -> Result<_, Error> {
             let texture = plane(device, label, format, size, 1)?;
             Ok(texture.create_view(&wgpu::TextureViewDescriptor::default()))
         };
-        Ok(HitReconstructorView {
+        Ok(HitResolverView {
             size,
             means: texture(
                 "deep-screen-space means of hits",
@@ -264,21 +264,21 @@ impl HitReconstructor {
         &self,
         device: &Device,
         encoder: &mut CommandEncoder,
-        input: &HitReconstructorInput<'_>,
-        settings: &HitReconstructorSettings,
-        scratch: &HitReconstructorView,
+        input: &HitResolverInput<'_>,
+        settings: &HitResolverSettings,
+        scratch: &HitResolverView,
     ) -> Result<(), Error> {
         settings.validate()?;
         check_timestamps(input.timestamps)?;
         let (traced, albedo) = self.check(input, scratch)?;
         let viewport = traced.camera.viewport();
         let roughness = check_roughness(
-            "HitReconstructorInput::roughness",
+            "HitResolverInput::roughness",
             input.roughness,
             self.descriptor.glossy().then_some("Sampling::Glossy"),
             viewport,
         )?;
-        let params = HitReconstructorParams::new(settings, &traced);
+        let params = HitResolverParams::new(settings, &traced);
         let params = uniform(device, LABEL, &params);
         let hits = match &input.hits.hits {
             Hits::Bits(buffer) => whole(buffer),
@@ -332,16 +332,16 @@ impl HitReconstructor {
     /// What was traced, and the albedo where it is needed.
     fn check<'t>(
         &self,
-        input: &HitReconstructorInput<'t>,
-        scratch: &HitReconstructorView,
+        input: &HitResolverInput<'t>,
+        scratch: &HitResolverView,
     ) -> Result<(Traced, Option<TextureSlice<'t>>), Error> {
-        const TARGET: &str = "HitReconstructorInput::target";
+        const TARGET: &str = "HitResolverInput::target";
         let BouncedDescriptor {
             payload, sampling, ..
         } = input.hits.descriptor;
         if (payload, sampling) != (self.descriptor.payload, self.descriptor.sampling) {
             return Err(Error::Mismatch {
-                name: "HitReconstructorInput::hits",
+                name: "HitResolverInput::hits",
                 found: format!("{payload:?}, {sampling:?}"),
                 needed: format!(
                     "{:?}, {:?}",
@@ -356,12 +356,12 @@ impl HitReconstructor {
         input.gbuffer.validate(viewport)?;
         screen::check_target(TARGET, &input.target, viewport, self.descriptor.target)?;
         let roughness = input.roughness;
-        let roughness = roughness.map(|slice| ("HitReconstructorInput::roughness", slice, 1));
+        let roughness = roughness.map(|slice| ("HitResolverInput::roughness", slice, 1));
         let reads = input.gbuffer.reads().chain(roughness);
         check_apart(TARGET, &input.target, reads)?;
         if scratch.size != size {
             return Err(Error::Mismatch {
-                name: "HitReconstructorView",
+                name: "HitResolverView",
                 found: format!("{:?} pixels", scratch.size),
                 needed: format!("{size:?} pixels"),
             });
@@ -389,7 +389,7 @@ pub(crate) enum HitStage {
 }
 
 /// Assembles one of them.
-fn source(descriptor: &HitReconstructorDescriptor, stage: HitStage) -> Result<String, Error> {
+fn source(descriptor: &HitResolverDescriptor, stage: HitStage) -> Result<String, Error> {
     let mut flags = Vec::new();
     // Whatever was hit, how near it is means the same.
     if stage != HitStage::Near {
@@ -403,18 +403,18 @@ fn source(descriptor: &HitReconstructorDescriptor, stage: HitStage) -> Result<St
         HitStage::Near => flags.push("NEAR"),
         HitStage::Reconstruct => {}
     }
-    shader::assemble("hit_reconstructor", SOURCE, &flags, &[])
+    shader::assemble("hit_resolver", SOURCE, &flags, &[])
 }
 
 /// Every module of the pass.
 pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
-    let any = HitReconstructorDescriptor {
+    let any = HitResolverDescriptor {
         payload: Payload::Occlusion,
         sampling: Sampling::Cosine,
         deferred: false,
         target: TextureFormat::Rgba16Float,
     };
-    all.add("hit_reconstructor near", source(&any, HitStage::Near)?);
+    all.add("hit_resolver near", source(&any, HitStage::Near)?);
     for payload in [Payload::Occlusion, Payload::Radiance] {
         for sampling in [Sampling::Cosine, Sampling::Glossy] {
             for (deferred, stage) in [
@@ -422,7 +422,7 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
                 (false, HitStage::Reconstruct),
                 (true, HitStage::Reconstruct),
             ] {
-                let descriptor = HitReconstructorDescriptor {
+                let descriptor = HitResolverDescriptor {
                     payload,
                     sampling,
                     deferred,
@@ -430,8 +430,8 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
                 };
                 let name = name_of(
                     match payload {
-                        Payload::Occlusion => "hit_reconstructor occlusion",
-                        Payload::Radiance => "hit_reconstructor radiance",
+                        Payload::Occlusion => "hit_resolver occlusion",
+                        Payload::Radiance => "hit_resolver radiance",
                     },
                     &[
                         (sampling == Sampling::Glossy, "glossy"),
