@@ -2,7 +2,7 @@
 //! `cargo bench --bench obscurance [-- --quick]`.
 //!
 //! Errors are root mean squares over pixels of all of the crate's scenes, against the integral itself: over the same depth
-//! buffer, and over the geometry as the eye sees it, by some thousands of points a pixel. Times are wall clock over a
+//! buffer, and over the geometry as the eye sees it, by some thousands of points per pixel. Times are wall clock over a
 //! submission at the full size, the fastest of many that take turns. Prints a table and writes
 //! `target/bench/obscurance.json`.
 

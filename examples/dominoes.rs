@@ -1,4 +1,4 @@
-//! One bounce of light, matt and glossy: `cargo run --release --example dominoes -- --out DIR`.
+//! One bounce of light, diffuse and glossy: `cargo run --release --example dominoes -- --out DIR`.
 //!
 //! Dominoes under a lamp stand on tiles that are polished and honed in turn (The Bounced Z-buffer, figure 1, shows the like).
 //! Written are `direct.png`, `diffuse.png` and `glossy.png` (one bounce of what the surfels send), their sum `composed.png`,
@@ -95,12 +95,12 @@ fn main() -> Result<(), Failure> {
     studio.light(&shot)?;
 
     let direct = studio.direct(&shot);
-    let matt = studio.gather(Kind::Diffuse, &shot, options.directions, options.window)?;
+    let diffuse = studio.gather(Kind::Diffuse, &shot, options.directions, options.window)?;
     let glossy = studio.gather(Kind::Glossy, &shot, options.directions, options.window)?;
     studio.write("direct", &direct)?;
-    studio.write("diffuse", &matt)?;
+    studio.write("diffuse", &diffuse)?;
     studio.write("glossy", &glossy)?;
-    studio.write("composed", &sum(&sum(&direct, &matt), &glossy))?;
+    studio.write("composed", &sum(&sum(&direct, &diffuse), &glossy))?;
     let truths = [
         studio.truth(Kind::Diffuse, &shot, options.truth)?,
         studio.truth(Kind::Glossy, &shot, options.truth)?,
@@ -111,11 +111,11 @@ fn main() -> Result<(), Failure> {
     });
     studio.write("glossy_difference_x4", &difference.collect::<Picture>())?;
     for (kind, found, truth) in [
-        ("diffuse", &matt, &truths[0]),
+        ("diffuse", &diffuse, &truths[0]),
         ("glossy", &glossy, &truths[1]),
     ] {
         println!(
-            "{kind}: mean {:.4}, RMSE of {} directions a pixel with window {} {:.4}",
+            "{kind}: mean {:.4}, RMSE of {} directions per pixel with window {} {:.4}",
             mean(truth),
             options.directions,
             options.window,
@@ -374,7 +374,7 @@ impl<'o> Studio<'o> {
                 );
             }
         }
-        Ok([one, all].map(|[matt, glossy]| sum(&matt, &glossy)))
+        Ok([one, all].map(|[diffuse, glossy]| sum(&diffuse, &glossy)))
     }
 
     fn write(&self, name: &str, picture: &[[f32; 3]]) -> Result<(), Failure> {

@@ -159,7 +159,7 @@ pub(crate) fn check_layers(
     if texture.dimension() != TextureDimension::D2 || texture.sample_count() != 1 {
         return shape(
             format!(
-                "dimension {:?}, {} samples a pixel",
+                "dimension {:?}, {} samples per pixel",
                 texture.dimension(),
                 texture.sample_count()
             ),

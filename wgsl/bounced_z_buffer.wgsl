@@ -1,7 +1,7 @@
 // BouncedZBuffer: what each pixel of the G-buffer meets first along N directions of its own (The Bounced Z-buffer 3 and
 // 4.2).
 //
-//   trace   a thread a pixel and direction, a workgroup 8x8 pixels
+//   trace   one thread per pixel and direction, a workgroup 8x8 pixels
 //
 // The paper splats senders onto pixels and keeps the nearest hit of each pixel's direction. Here a pixel gathers: its ray
 // traverses a hierarchy of bounds and skips what it misses (wgsl/common/bvh_traverse.wgsl), so that a nearest hit takes
@@ -36,7 +36,7 @@ struct Params {
   columns: u32,
   rows: u32,
   frame: u32,
-  // Words of bits a pixel.
+  // Words of bits per pixel.
   words: u32,
   surfel_capacity: u32,
   padding: u32,
@@ -66,7 +66,7 @@ override SAMPLING: u32 = 0u;
 #endif
 @group(0) @binding(4) var receivers: texture_2d<u32>;
 #if RADIANCE
-// Packed colours, a layer a direction.
+// Packed colours, one layer per direction.
 @group(0) @binding(5) var hits: texture_storage_2d_array<r32uint, write>;
 #if LIT
 @group(0) @binding(13) var<uniform> lights: Lights;

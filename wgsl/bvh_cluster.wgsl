@@ -1,7 +1,7 @@
 // Bvh, second stage: a binary tree by parallel locally-ordered clustering (Meister and Bittner 2018), by blocks.
 //
 //   cluster   a workgroup a block: it merges what are each other's nearest neighbours in the order of space until a quarter
-//             is left, of the last block one. A dispatch a level; the next one's blocks are four of this one's
+//             is left, of the last block one. One dispatch per level; the next one's blocks are four of this one's
 //
 // Every cluster brings a free place for a node along: a primitive that of its own index, a merged one that of its second
 // part, while its node stands in the first part's. So places are known without counting, and the same every time.

@@ -1,6 +1,6 @@
 // Bvh, third stage: wide nodes from the binary tree, from the root down.
 //
-//   collapse       threads that take the nodes of a level in turn, a dispatch a level
+//   collapse       threads that take the nodes of a level in turn, one dispatch per level
 //   collapse_rest  one workgroup, for all levels that are left; most trees have none
 //
 // A node takes the largest of its descendants apart until it has eight children. How many primitives are below each is

@@ -1,8 +1,8 @@
 // DiskBounds: bounds over a cloud's surfels as disks, for rays to skip (wgsl/common/disk_walk.wgsl). A tree for each
 // sub-buffer of each level (wgsl/common/disk_tree.wgsl), in the order of emission, in which neighbours follow each other.
 //
-//   build_first   a thread a node over 16 surfels of a sub-buffer, on one level
-//   build_next    a thread a node over four nodes, once a depth
+//   build_first   one thread per node over 16 surfels of a sub-buffer, on one level
+//   build_next    one thread per node over four nodes, once a depth
 
 #import math
 #import packing

@@ -2,7 +2,7 @@
 // G-buffer at full resolution, farther from them ever more coarsely; what is listed on a level is listed on all coarser
 // ones too.
 //
-// Edges and masks are textures of 8 bits a pixel with a texel for a block of 2 x 2 pixels: a fragment has a block, and
+// Edges and masks are textures of 8 bits per pixel with a texel for a block of 2 x 2 pixels: a fragment has a block, and
 // what it reads for one of its pixels serves the others. A component whose pixel is beyond the image is 0.
 //
 //   find_edges  fragment: one value a pixel, 0 to 1

@@ -2,7 +2,7 @@
 // shading normal (wgsl/common/receiver.wgsl), for the pixels of the viewport. With LIST, of a sub-image: for those of its
 // pixels that are listed; to the passes that follow, the others are the sky.
 //
-//   prepare  a thread a pixel
+//   prepare  one thread per pixel
 //   erase    with LIST, before it: all of the sub-image's pixels
 //
 // @group(0) @binding(0) params, 1 depth (post-projection), 2 normals, 3 the receivers, 4 the list

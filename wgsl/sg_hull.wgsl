@@ -1,4 +1,4 @@
-// The hull drawn: a quad a segment, its light interpolated and integrated over each pixel's own hemisphere (Meder and
+// The hull drawn: one quad per segment, its light interpolated and integrated over each pixel's own hemisphere (Meder and
 // Bruederlin 2018, sections 3 and 4). Fragments of pixels that belong to another segment are dropped.
 //
 // Moments are interpolated, not lobes: sums of light are linear, so that the total is kept, and a lobe's axis comes out

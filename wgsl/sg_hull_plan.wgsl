@@ -15,7 +15,7 @@ fn groups_of(count: u32, size: u32) -> vec4u {
   return vec4u(min(groups, DISPATCH_ROW), (groups + DISPATCH_ROW - 1u) / DISPATCH_ROW, 1u, 0u);
 }
 
-// A thread a vertex.
+// One thread per vertex.
 @compute @workgroup_size(1)
 fn plan_vertices() {
   let count = min(counters.segments, first_fallback(params)) + counters.fallbacks;

@@ -57,9 +57,9 @@ var<workgroup> normals: array<atomic<i32>, 384>;
 // Texels whose mean normals are summed.
 var<workgroup> members: array<atomic<u32>, SLOTS>;
 var<workgroup> anchors: array<atomic<u32>, SLOTS>;
-// A bit a texel: whether its label stands for a component.
+// One bit per texel: whether its label stands for a component.
 var<workgroup> roots: array<atomic<u32>, 32>;
-// A bit a texel: whether it is linked to the one on its right.
+// One bit per texel: whether it is linked to the one on its right.
 var<workgroup> rows: array<u32, 32>;
 // Components before those of a word of roots.
 var<workgroup> before: array<u32, 32>;

@@ -8,9 +8,9 @@
 // 64 clusters a group, each with bounds, which a tile tests before it loads a surfel.
 //
 //   plan            one workgroup: how many workgroups the next two need on each level
-//   build_clusters  a thread a cluster
+//   build_clusters  one thread per cluster
 //   build_groups    a thread a group
-//   splat           a workgroup a tile of 32x16 pixels of a sub-buffer: 8 units of 8x8, 8 threads a unit, 8 pixels a
+//   splat           one workgroup per tile of 32x16 pixels of a sub-buffer: 8 units of 8x8, 8 threads a unit, 8 pixels a
 //                   thread. A surfel is loaded once a tile and tested against each unit's bounds.
 
 #import math
@@ -53,7 +53,7 @@ struct Params {
 @group(0) @binding(3) var<storage, read> counters: Counters;
 #if BUILD
 @group(0) @binding(4) var<storage, read_write> clusters: array<Cluster>;
-// Two indirect dispatches a level.
+// Two indirect dispatches per level.
 @group(0) @binding(9) var<storage, read_write> dispatches: array<u32>;
 #else
 @group(0) @binding(4) var<storage, read> clusters: array<Cluster>;
@@ -550,7 +550,7 @@ fn splat(
       }
       let clusters_here = workgroupUniformLoad(&passed_count);
 
-      // Rounds of four clusters: a thread a surfel.
+      // Rounds of four clusters: one thread per surfel.
       for (var c = 0u; c < clusters_here; c += 4u) {
         let mine = c + slot / CLUSTER;
         var units = 0u;

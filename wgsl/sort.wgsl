@@ -34,7 +34,7 @@ const THREADS: u32 = 64u;
 const PER_THREAD: u32 = 16u;
 const BLOCK: u32 = THREADS * PER_THREAD;
 
-// A row a digit, a column a thread.
+// One row per digit, one column per thread.
 var<workgroup> columns: array<u32, 1024>;
 
 fn digit_at(i: u32) -> u32 {

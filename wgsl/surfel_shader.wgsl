@@ -1,6 +1,6 @@
 // SurfelShader: what each surfel sends from its front and its back, of the light that reaches it straight from a light.
 //
-//   shade   a thread a surfel, a dispatch a light: the first starts from the surface's own emission, the others add to
+//   shade   one thread per surfel, one dispatch per light: the first starts from the surface's own emission, the others add to
 //           what is there
 //
 // Surfaces are Lambertian and two-sided. A light is on one side of a surfel's plane, and lights that side alone.

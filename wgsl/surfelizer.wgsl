@@ -1,12 +1,12 @@
 // Surfelizer: triangles to surfels (Deep Screen Space 3.1; The Bounced Z-buffer 4.3).
 //
-//   count_pieces    a thread a triangle: how many pieces it is pre-split into
+//   count_pieces    one thread per triangle: how many pieces it is pre-split into
 //   merge_pieces    the same where the cloud has no room for them all: large triangles are cut less, until they have
 //   (prefix sum)
 //   emit_pieces     the same walk again: writes the pieces and how many surfels each gives
 //   (prefix sum)
 //   finish          one thread: totals for the caller, and how many workgroups the last stage needs
-//   emit_surfels    a thread a surfel: finds its piece, walks down to its leaf, places the disk
+//   emit_surfels    one thread per surfel: finds its piece, walks down to its leaf, places the disk
 //
 // A surface's area is cut so that a surfel covers `radius_pixels` pixels at its Euclidean distance from the eye. Large
 // triangles are first split by longest-edge bisection until a piece is small against its distance, so that one radius

@@ -5,7 +5,7 @@
 //   accumulate  compute: this frame's picture and the last history to the next history
 //   show        fragment: the next history to the caller's texture
 //
-// A history is two textures: the receivers of its frame, relative to the focus of its frame's camera, and a texel a pixel
+// A history is two textures: the receivers of its frame, relative to the focus of its frame's camera, and one texel per pixel
 // with the mean and the number of frames in it; 0 frames are no history. Every history has these of its own frame, so
 // that a texel can be told to belong to another surface before it counts.
 //

@@ -1,4 +1,4 @@
-//! Error over time, log-log: a panel a radius, a curve a method or a knob, the presets marked.
+//! Error over time, log-log: one panel per radius, one curve per method or a knob, the presets marked.
 
 use std::{ops::Range, path::Path};
 

@@ -4,7 +4,7 @@
 //! Renders one view of each of the crate's scenes, within the scene's radius and without one: by splatting with the
 //! preset `balanced`, with one setting after the other turned away from it, by the bounced z-buffer likewise, and by what a
 //! depth buffer alone allows, with ever more slices and taps. Errors are against rays traced through the same pixels, with the rays' own noise taken
-//! out. Times are wall clock, a submission a pass, the fastest of a few runs; they count only beside each other, so every
+//! out. Times are wall clock, one submission per pass, the fastest of a few runs; they count only beside each other, so every
 //! one is given as a ratio to `balanced` in the same view too. Each row's `work` is the part of the cost that is the same
 //! on every machine: for splatting the surfel-pixel pairs that were evaluated, for the bounced z-buffer the bounds and runs
 //! of triangles that rays were tested against.
@@ -17,7 +17,7 @@
 //! Times are in units of the bounced z-buffer's `balanced` there.
 //!
 //! Prints a table and writes the same rows to `target/bench/trade.json` and `target/bench/trade.csv` (in JSON, null is
-//! infinity), and pictures of means over scenes: `trade-radius.png` and `trade-unbounded.png`, a line a method,
+//! infinity), and pictures of means over scenes: `trade-radius.png` and `trade-unbounded.png`, one line per method,
 //! `trade-light.png` for light, and `trade.png`, a line a knob of the splatter.
 
 mod bounced;
@@ -101,7 +101,7 @@ fn run(options: &Options) -> Result<(), String> {
     let [width, height] = effort.size;
     let rays = effort.rays;
     println!(
-        "{}, {width}x{height} pixels, {rays} rays a pixel\n",
+        "{}, {width}x{height} pixels, {rays} rays per pixel\n",
         gpu.name()
     );
     Row::print_header();

@@ -100,7 +100,7 @@ pub(crate) struct Options {
     /// Pieces of triangles that there is room for; if left out, as many as the scene comes to, if the device can hold them.
     #[arg(long)]
     pieces: Option<u32>,
-    /// Trace the truth too, with this many rays a pixel.
+    /// Trace the truth too, with this many rays per pixel.
     #[arg(long, num_args = 0..=1, default_missing_value = "256", value_parser = clap::value_parser!(u32).range(1..))]
     reference: Option<u32>,
     /// Where to write.
@@ -197,7 +197,7 @@ pub(crate) fn draw(gpu: &Gpu, options: &Options, scene: &Scene, shot: &Shot) -> 
     report_overflow(&rendered);
     if let Some(off) = off {
         println!(
-            "against {} rays a pixel: RMSE {:.4}, bias {:+.4}, mean {:.4} over {} pixels",
+            "against {} rays per pixel: RMSE {:.4}, bias {:+.4}, mean {:.4} over {} pixels",
             off.rays, off.rmse, off.bias, off.mean, off.pixels
         );
     }

@@ -39,7 +39,7 @@ fn rendered(
     }
 }
 
-/// How many samples a pixel an effect takes: of obscurance the preset says it, of the others the paper.
+/// How many samples per pixel an effect takes: of obscurance the preset says it, of the others the paper.
 fn samples(effect: Effect, preset: &str) -> u32 {
     match (effect, preset) {
         (Effect::Obscurance, "fast") => 12,

@@ -81,7 +81,7 @@ impl Renderer {
             + self.scratch.memory_bytes()
     }
 
-    /// Renders once, a submission a pass, so that each can be timed on any driver.
+    /// Renders once, one submission per pass, so that each can be timed on any driver.
     pub fn render(
         &mut self,
         gpu: &Gpu,

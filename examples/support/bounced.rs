@@ -145,7 +145,7 @@ pub struct Gatherer {
 }
 
 impl Gatherer {
-    /// With room for this many directions a pixel.
+    /// With room for this many directions per pixel.
     pub fn new(
         gpu: &Gpu,
         (descriptor, lighting): (HitResolverDescriptor, Lighting),
@@ -175,7 +175,7 @@ impl Gatherer {
         })
     }
 
-    /// Renders into the target, a submission a pass; glossy receivers need their roughness.
+    /// Renders into the target, one submission per pass; glossy receivers need their roughness.
     pub fn render(
         &self,
         gpu: &Gpu,
@@ -238,7 +238,7 @@ impl Gatherer {
     }
 }
 
-/// The pipelines and one view of matt receivers.
+/// The pipelines and one view of diffuse receivers.
 pub struct BouncedRenderer {
     scene: TracedScene,
     pub gatherer: Gatherer,
@@ -308,7 +308,7 @@ impl BouncedRenderer {
             + self.gatherer.scratch.memory_bytes()
     }
 
-    /// Renders once, a submission a pass, so that each can be timed on any driver.
+    /// Renders once, one submission per pass, so that each can be timed on any driver.
     pub fn render(
         &mut self,
         gpu: &Gpu,

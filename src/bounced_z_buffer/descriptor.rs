@@ -8,10 +8,10 @@ use crate::{bvh::Primitives, light::Light};
 /// What is kept of a hit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Payload {
-    /// That there is one: a bit a direction. A ray ends at the first hit that it finds, the nearest or not.
+    /// That there is one: one bit per direction. A ray ends at the first hit that it finds, the nearest or not.
     #[default]
     Occlusion,
-    /// The radiance that its surfel sends towards the pixel: four bytes a direction.
+    /// The radiance that its surfel sends towards the pixel: four bytes per direction.
     Radiance,
 }
 

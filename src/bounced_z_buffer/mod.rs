@@ -438,7 +438,7 @@ impl BouncedZBuffer {
     }
 }
 
-/// Words of bits a pixel.
+/// Words of bits per pixel.
 pub(crate) fn words(directions: u32) -> u32 {
     directions.div_ceil(32)
 }

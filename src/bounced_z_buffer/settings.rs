@@ -1,11 +1,11 @@
-//! What a user turns.
+//! Public settings and their validation.
 
 use crate::error::{Error, check_setting};
 
 /// How a pixel's directions are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Sampling {
-    /// In proportion to the cosine to the normal: what a matt receiver weighs its light by.
+    /// In proportion to the cosine to the normal: what a diffuse receiver weighs its light by.
     #[default]
     Cosine,
     /// Uniform over the hemisphere, as in the paper for ambient occlusion. The Reconstructor weighs the hits.

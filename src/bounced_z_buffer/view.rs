@@ -13,9 +13,9 @@ use crate::{
 /// Hits of all pixels and directions.
 #[derive(Debug)]
 pub(crate) enum Hits {
-    /// `directions / 32` words of bits a pixel, rows from the top.
+    /// `directions / 32` words of bits per pixel, rows from the top.
     Bits(Buffer),
-    /// A packed colour, a layer a direction.
+    /// A packed colour, one layer per direction.
     Colors(TextureView),
 }
 
@@ -68,7 +68,7 @@ impl BouncedView {
         }
     }
 
-    /// With [`Payload::Radiance`](crate::Payload::Radiance) the hits: an `R32Uint` array texture with a layer a direction, of what arrives along
+    /// With [`Payload::Radiance`](crate::Payload::Radiance) the hits: an `R32Uint` array texture with one layer per direction, of what arrives along
     /// it: 8 bits each of red, green and blue times 2^(e − 136), e being the highest 8 bits; 0 where nothing does (usages
     /// `TEXTURE_BINDING | COPY_SRC`).
     pub fn radiance(&self) -> Option<&TextureView> {

@@ -36,7 +36,7 @@ const LABEL: &str = "deep-screen-space hit resolver";
 
 /// Gathers the hits of a [`BouncedZBuffer`](crate::BouncedZBuffer) over each pixel's neighbourhood, as wide as they are far
 /// away, fits a plane to what it finds there, and writes its value at the pixel into the caller's texture: with [`Payload::Occlusion`] ambient visibility, 1 = open, with [`Payload::Radiance`] the
-/// radiance that a matt surface of the G-buffer's albedo sends on, linear RGB, W/(m² sr). The sky is open, and dark.
+/// radiance that a diffuse surface of the G-buffer's albedo sends on, linear RGB, W/(m² sr). The sky is open, and dark.
 ///
 /// With [`Sampling::Glossy`] the surface is glossy instead: `∫ L(ω) f(ω, view) ⟨n, ω⟩ dω` with `f = D G F / (4 ⟨n, ω⟩ ⟨n,
 /// view⟩)`, D and G those of Trowbridge-Reitz (GGX) with correlated heights (Heitz, *Understanding the Masking-Shadowing
@@ -374,7 +374,7 @@ impl HitResolver {
             None => Err(Error::Mismatch {
                 name: "GBuffer::albedo",
                 found: "none".into(),
-                needed: "one, for radiance of matt receivers".into(),
+                needed: "one, for radiance of diffuse receivers".into(),
             }),
         }
     }

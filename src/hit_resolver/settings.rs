@@ -1,4 +1,4 @@
-//! What a user turns.
+//! Public settings and their validation.
 
 use crate::error::{Error, check_setting};
 
@@ -59,7 +59,7 @@ impl Default for HitResolverSettings {
 }
 
 impl HitResolverSettings {
-    /// What suits occlusion by so many directions a pixel, 1…64: the fewer, the wider the window. Measured in six views of
+    /// What suits occlusion by so many directions per pixel, 1…64: the fewer, the wider the window. Measured in six views of
     /// three scenes, at 1, 4 and 16 directions.
     pub fn for_occlusion(directions: u32) -> Self {
         let few = directions.clamp(1, 64) as f32;

@@ -43,7 +43,7 @@ const LABEL: &str = "deep-screen-space multi-resolution mask";
 /// An effect then computes the [`PixelList`](crate::PixelList)s, one recording a level, and the
 /// [`MultiResReconstructor`](crate::MultiResReconstructor) makes one image of the sub-images. Nothing is read back.
 ///
-/// A fragment finds the edges of 2 × 2 pixels, for which it reads 12 of the G-buffer; all else is of 8 bits a pixel, or of
+/// A fragment finds the edges of 2 × 2 pixels, for which it reads 12 of the G-buffer; all else is of 8 bits per pixel, or of
 /// the listed pixels alone. Levels that are left out cost nothing, nor do textures of the caller's own that are not given.
 ///
 /// Holds pipelines only; one serves any number of views.
@@ -144,7 +144,7 @@ impl MultiResMask {
         })
     }
 
-    /// Masks and lists for a view of `width` × `height` pixels, 8 bytes a pixel; with `stencils` a stencil texture for each
+    /// Masks and lists for a view of `width` × `height` pixels, 8 bytes per pixel; with `stencils` a stencil texture for each
     /// level too.
     ///
     /// # Errors

@@ -27,7 +27,7 @@ const LABEL: &str = "deep-screen-space receivers";
 /// Half a unit in the last place of an f32.
 pub(crate) const DEPTH_RELATIVE: f32 = 6e-8;
 
-/// Position and normal of each pixel of a view, 16 bytes a pixel.
+/// Position and normal of each pixel of a view, 16 bytes per pixel.
 #[derive(Debug)]
 pub(crate) struct Receivers {
     pub size: [u32; 2],

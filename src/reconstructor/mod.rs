@@ -61,14 +61,14 @@ pub struct ReconstructorView {
 
 #[derive(Debug)]
 struct Scratch {
-    /// Level sums from the second on, smoothed along rows: a layer a level.
+    /// Level sums from the second on, smoothed along rows: one layer per level.
     rows: TextureView,
     /// Their total, smoothed along columns too: one layer.
     total: TextureView,
 }
 
 impl ReconstructorView {
-    /// GPU memory that it owns, bytes: one plane of sums a level, nothing with one level.
+    /// GPU memory that it owns, bytes: one plane of sums per level, nothing with one level.
     pub fn memory_bytes(&self) -> u64 {
         if self.scratch.is_some() {
             plane_bytes(self.format, self.size, self.levels)

@@ -37,7 +37,7 @@ pub fn unpack_normal(bits: u32) -> DVec3 {
     octahedral_to(DVec2::new(snorm(bits), snorm(bits >> 16))).normalize()
 }
 
-/// A colour of 0 to 1e30 in four bytes: 8 bits a channel and a shared exponent. In the shader's own f32, since a bit
+/// A colour of 0 to 1e30 in four bytes: 8 bits per channel and a shared exponent. In the shader's own f32, since a bit
 /// more or less would be another colour.
 pub fn pack_color(color: [f32; 3]) -> u32 {
     let c = color.map(|c| c.clamp(0.0, 1e30));

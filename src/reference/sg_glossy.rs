@@ -1,4 +1,4 @@
-//! Mirror of `wgsl/common/sg_glossy.wgsl`: what a glossy surface reflects of light that is known as sums a colour channel.
+//! Mirror of `wgsl/common/sg_glossy.wgsl`: what a glossy surface reflects of light that is known as sums per colour channel.
 
 use std::f64::consts::PI;
 

@@ -178,7 +178,7 @@ struct Params {
     footprint: Footprint,
     /// Relative to the cloud's origin.
     eye: DVec3,
-    /// Six planes a view.
+    /// Six planes per view.
     views: Vec<[DVec4; 6]>,
     radius_pixels: f64,
     density: f64,

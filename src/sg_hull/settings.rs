@@ -1,4 +1,4 @@
-//! What a user turns.
+//! Public settings and their validation.
 
 use std::f32::consts::PI;
 

@@ -76,7 +76,7 @@ pub struct ShellSplatterDescriptor<'a> {
 #[derive(Debug)]
 pub struct SurfelClusters {
     pub(crate) buffer: Buffer,
-    /// Two indirect dispatches a level: for the clusters, and for their groups.
+    /// Two indirect dispatches per level: for the clusters, and for their groups.
     dispatches: Buffer,
     pub(crate) places: Vec<LevelPlace>,
     capacity: u32,
@@ -147,7 +147,7 @@ impl SplatView {
         self.levels
     }
 
-    /// The sums: an array texture with a layer a level, `R32Float` or `Rgba32Float` by the effect's channels, row 0 on
+    /// The sums: an array texture with one layer per level, `R32Float` or `Rgba32Float` by the effect's channels, row 0 on
     /// top (usages `TEXTURE_BINDING | COPY_SRC`). Level sums are noisy by design; their total is the effect's sum.
     pub fn sums(&self) -> &TextureView {
         &self.sums

@@ -1,4 +1,4 @@
-//! What a user turns.
+//! Public settings and their validation.
 
 use crate::error::{Error, check_setting};
 

@@ -1,4 +1,4 @@
-//! What a user turns.
+//! Public settings and their validation.
 
 use crate::error::{Error, check_setting};
 
@@ -11,7 +11,7 @@ pub enum Placement {
     /// At random over the piece, by a hash that stays when the camera moves (The Bounced Z-buffer 4.3).
     Random,
     /// Deep Screen Space 3.1: the pattern of the tessellator's points, inset by a radius from the piece's corners and
-    /// jittered by at most a radius. At least three surfels a piece.
+    /// jittered by at most a radius. At least three surfels per piece.
     Grid,
 }
 

@@ -46,7 +46,7 @@ pub struct VolumetricObscuranceDescriptor<'a> {
     pub cache: Option<&'a PipelineCache>,
 }
 
-/// Obscurance from a depth buffer, with or without normals: near-field detail, at a few reads a pixel.
+/// Obscurance from a depth buffer, with or without normals: near-field detail, at a few reads per pixel.
 ///
 /// For each pixel the share of a sphere of a constant radius in the world that is open, which is to say in front of what the
 /// depth buffer shows. The sphere is cut into chords along the line from the pixel's point to the eye, as if lines of sight

@@ -409,9 +409,9 @@ fn without_a_window_the_mean_is_the_integral() {
             let inputs = format!("{payload:?}, roughness {roughness}");
             println!("{inputs}: rmse {noise:.4}, mean {bias:.5}");
             assert!(truths.len() > 200, "{inputs}");
-            // 256 directions a pixel leave this much noise, and the quadrature's 1600 facets a part of it.
+            // 256 directions per pixel leave this much noise, and the quadrature's 1600 facets a part of it.
             assert!(noise < 0.06, "{inputs}: rmse {noise}");
-            // 8 bits a channel of a hit are within 1/512 of the largest, rounded either way.
+            // 8 bits per channel of a hit are within 1/512 of the largest, rounded either way.
             assert!(bias < 0.006, "{inputs}: mean off by {bias}");
         }
     }

@@ -42,7 +42,7 @@ const NOISE: &str = "return (0.5 + fract(distance2 * 0.0173) + 0.3 * receiver_no
 /// 64 on each level of 4.
 const ONE: &str = "return 1.0;";
 
-/// A run of 4^(levels − 1) surfels a level.
+/// A run of 4^(levels − 1) surfels per level.
 fn groups(levels: u32) -> Vec<DVec3> {
     let count = 1_u32 << (2 * (levels - 1));
     (0..levels)

@@ -550,13 +550,13 @@ fn it_is_added() {
         assert_eq!(without.pixels, unread.pixels, "exact {exact}");
         let glossy = job(Some(&roughness)).record(true, exact);
         let mut more = 0;
-        for (i, (matt, both)) in without.pixels.iter().zip(&glossy.pixels).enumerate() {
+        for (i, (diffuse, both)) in without.pixels.iter().zip(&glossy.pixels).enumerate() {
             // Other pipelines may round otherwise.
             assert!(
-                (*both - *matt * (1.0 - 1e-5)).min_element() >= 0.0,
-                "exact {exact}: pixel {i} is {both}, {matt} without"
+                (*both - *diffuse * (1.0 - 1e-5)).min_element() >= 0.0,
+                "exact {exact}: pixel {i} is {both}, {diffuse} without"
             );
-            more += usize::from(both.x > 1.01 * matt.x);
+            more += usize::from(both.x > 1.01 * diffuse.x);
         }
         assert!(more > 500, "exact {exact}: {more} pixels shine");
     }

@@ -1021,7 +1021,7 @@ fn traced_shadows_of_lamps_on_surfaces_take_nothing() {
     }
 }
 
-/// Several points a surfel average a shadow's edge: the light that a coarse cloud sends comes nearer to the truth, and a
+/// Several points per surfel average a shadow's edge: the light that a coarse cloud sends comes nearer to the truth, and a
 /// share of it is a multiple of 1/n.
 #[test]
 fn samples_average_edges() {

@@ -55,7 +55,7 @@ struct Stage {
     gpu: &'static Gpu,
     buffers: SceneBuffers,
     senders: TracedScene,
-    /// Matt and glossy.
+    /// Diffuse and glossy.
     gatherers: [Gatherer; 2],
     roughness: TextureView,
 }
@@ -187,7 +187,7 @@ impl Stage {
 #[test]
 fn frames_come_near_the_truth_together() {
     let stage = Stage::new();
-    for (kind, name, moving) in [(0, "matt", 0.5), (1, "glossy", 0.75)] {
+    for (kind, name, moving) in [(0, "diffuse", 0.5), (1, "glossy", 0.75)] {
         let truth = stage.truth(kind);
         // Independent frames would leave a quarter; these are stratified together. Measured at 0.15 and 0.16, and moving at
         // 0.31 and 0.63: where the camera moves

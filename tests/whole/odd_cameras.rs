@@ -514,7 +514,7 @@ fn ray_errors(shot: &Shot) -> (f64, f64) {
     (mean, errors.iter().fold(0.0, |a, e| f64::max(a, e.abs())))
 }
 
-/// A telephoto's picture is as good as one from near: 64 directions a pixel have a standard error of 0.04 or less, 0.001 of the
+/// A telephoto's picture is as good as one from near: 64 directions per pixel have a standard error of 0.04 or less, 0.001 of the
 /// mean; near and far planes enclose the room, or the focus is said and depth is reversed.
 #[test]
 fn narrow_views_from_afar_are_right() {

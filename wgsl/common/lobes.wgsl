@@ -2,7 +2,7 @@
 
 #import spherical_gaussian
 
-// Light that arrives at a point: a sum of samples a colour channel, and what a surface with the normal that it was
+// Light that arrives at a point: a sum of samples per colour channel, and what a surface with the normal that it was
 // gathered for receives of them.
 struct Lobes {
   red: LightMoments,

@@ -24,7 +24,7 @@ fn unpack_normal(bits: u32) -> vec3f {
   return normalize(octahedral_to(unpack2x16snorm(bits)));
 }
 
-// A colour of 0 to 1e30 in four bytes: 8 bits a channel and a shared exponent (Ward 1991), rounded to nearest, so within
+// A colour of 0 to 1e30 in four bytes: 8 bits per channel and a shared exponent (Ward 1991), rounded to nearest, so within
 // 1/256 of the largest channel.
 fn pack_color(color: vec3f) -> u32 {
   // By its bits, see is_finite: clamp may return anything for what is not a number. That counts as 0.

@@ -1,4 +1,4 @@
-// What a glossy surface reflects of light that is known as sums a colour channel (src/sg_hull): the lobe of GGX as a
+// What a glossy surface reflects of light that is known as sums per colour channel (src/sg_hull): the lobe of GGX as a
 // spherical Gaussian about the mirrored view (Wang, Ren, Gong, Snyder and Guo 2009), times the lobe of the light.
 
 #import math

@@ -63,7 +63,7 @@ fn step_at(i: u32, jitter: f32, length: f32) -> f32 {
   return 0.75 + t * max(1.0, length / f32(params.steps));
 }
 
-// Two numbers a pixel in 0..1 that cover the square evenly over every few pixels that lie together: the sequence R2
+// Two numbers per pixel in 0..1 that cover the square evenly over every few pixels that lie together: the sequence R2
 // (Roberts 2018) along a Hilbert curve, as XeGTAO has it.
 fn pixel_noise(at: vec2i) -> vec2f {
   var p = vec2u(at) & vec2u(63u);

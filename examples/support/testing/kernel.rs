@@ -4,7 +4,7 @@ use deep_screen_space::wgpu::{self, BufferUsages};
 
 use crate::gpu::Gpu;
 
-/// Runs `run` of these sources, a thread a case in workgroups of `threads`: binding 0 has the cases, binding 1 takes what was
+/// Runs `run` of these sources, one thread per case in workgroups of `threads`: binding 0 has the cases, binding 1 takes what was
 /// found.
 pub fn evaluate<C: bytemuck::Pod, F: bytemuck::Pod>(
     gpu: &Gpu,

@@ -79,7 +79,7 @@ fn assert_gives(meshes: &[Mesh<'_>], triangles: &[[DVec3; 3]], materials: &[u32]
     assert_alike(&cloud, &expected, inputs);
 }
 
-/// A vertex buffer with `before` bytes ahead and `stride` bytes a vertex; what lies between holds NaN.
+/// A vertex buffer with `before` bytes ahead and `stride` bytes per vertex; what lies between holds NaN.
 fn vertex_buffer(
     vertices: &[DVec3],
     format: PositionFormat,
