@@ -45,6 +45,9 @@ pub fn is_flat(segment: &HullSegment) -> bool {
     segment.spread < FLAT_SPREAD
 }
 
+/// The most light that counts.
+const MOST_LIGHT: f64 = 1e18;
+
 /// Light that arrives at a point, gathered for a normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lobes {
@@ -71,6 +74,30 @@ impl Lobes {
         self.irradiance += irradiance * height.max(0.0);
     }
 
+    /// What of it counts: light that is not finite is none, and what is beyond 1e18 counts as that.
+    #[must_use]
+    pub fn usable(self) -> Self {
+        let moments = self.moments.map(|m| {
+            if !(m.vector.is_finite() && m.total.is_finite() && m.total > 0.0) {
+                return DLightMoments::ZERO;
+            }
+            let share = (MOST_LIGHT / m.total.max(1e-30)).min(1.0);
+            DLightMoments {
+                vector: m.vector * share,
+                total: m.total * share,
+            }
+        });
+        let irradiance = if self.irradiance.is_finite() {
+            self.irradiance.clamp(DVec3::ZERO, DVec3::splat(MOST_LIGHT))
+        } else {
+            DVec3::ZERO
+        };
+        Self {
+            moments,
+            irradiance,
+        }
+    }
+
     /// What the lobe of each channel adds to the irradiance of a surface with the normal that is not there.
     pub fn excess(&self, normal: DVec3) -> DVec3 {
         lobe_irradiance(&self.moments, normal) - self.irradiance
@@ -82,14 +109,14 @@ pub fn lobe_irradiance(moments: &[DLightMoments; 3], normal: DVec3) -> DVec3 {
     DVec3::from(moments.map(|m| m.lobe(Estimate::Moments).irradiance(normal)))
 }
 
-/// What [`Gatherer::lights`](crate::Gatherer::lights) gathers at a point of the world.
+/// What counts of that which [`Gatherer::lights`](crate::Gatherer::lights) gathers at a point of the world.
 pub fn gather_lights(lights: &[Light], point: DVec3, normal: DVec3) -> Lobes {
     let mut lobes = Lobes::ZERO;
     for light in lights {
         let found = arrival(light, point);
         lobes.add_light(normal, found.to_light, found.irradiance);
     }
-    lobes
+    lobes.usable()
 }
 
 /// A view without more pixels than its grid has texels, so that each pixel is one. Positions are relative to the eye.
