@@ -62,9 +62,13 @@ fn render(name: &str, arguments: &str) -> Result<Drawn, String> {
     })
 }
 
+/// A folder of the running test's own: tests run side by side, and some use the same names.
 fn folder(name: &str) -> PathBuf {
+    let thread = std::thread::current();
+    let test = thread.name().expect("a test's thread").replace("::", "-");
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR"))
         .join("render")
+        .join(test)
         .join(name);
     std::fs::create_dir_all(&folder).expect("a folder");
     folder
