@@ -5,7 +5,7 @@ use wgpu::{
     TextureViewDescriptor, TextureViewDimension,
 };
 
-use crate::{camera::Viewport, error::Error};
+use crate::{camera::Viewport, error::Error, gpu::made};
 
 /// A part of a texture of the caller's: one layer of one mip level. `(&texture).into()` is its first, which is all of a plain
 /// 2-D texture, and of a swap chain's.
@@ -105,6 +105,7 @@ impl<'a> TextureSlice<'a> {
         } else {
             TextureAspect::All
         };
+        made::count(made::Kind::TextureView);
         self.texture.create_view(&TextureViewDescriptor {
             label: Some("deep-screen-space view"),
             format: self.format,

@@ -6,6 +6,7 @@ use wgpu::{
     TextureFormat, TextureSampleType, TextureView, TextureViewDimension,
 };
 
+use super::made;
 use crate::{
     error::{Error, check_limit},
     geometry::{check_size, check_usage},
@@ -95,6 +96,7 @@ pub(crate) fn group(
     layout: &BindGroupLayout,
     resources: &[(u32, BindingResource<'_>)],
 ) -> BindGroup {
+    made::count(made::Kind::BindGroup);
     device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: Some(label),
         layout,

@@ -2,6 +2,7 @@
 //! timestamps.
 
 pub(crate) mod binding;
+pub(crate) mod made;
 pub(crate) mod preprocess;
 pub(crate) mod scan;
 pub(crate) mod screen;
@@ -76,6 +77,7 @@ pub(crate) fn dispatch_rows(groups: u32) -> [u32; 3] {
 /// A uniform buffer for one recording. A fresh one each time, so that recordings into one encoder, or for two views,
 /// never overwrite each other's parameters before they are submitted.
 pub(crate) fn uniform<T: Pod>(device: &Device, label: &str, value: &T) -> Buffer {
+    made::count(made::Kind::Buffer);
     device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
         label: Some(label),
         contents: bytemuck::bytes_of(value),

@@ -13,6 +13,7 @@ pub mod hit_resolver;
 pub mod light;
 pub mod multi_res_mask;
 pub mod multi_res_reconstructor;
+pub mod objects;
 pub mod packing;
 pub mod receivers;
 pub mod reconstructor;

@@ -8,6 +8,7 @@ use wgpu::{BindGroup, BindGroupEntry, Device};
 use super::gatherer::Gatherer;
 use crate::{
     error::Error,
+    gpu::made,
     recorded::{Last, Stamp},
 };
 
@@ -61,6 +62,7 @@ impl Gatherer {
             found: "no layout".into(),
             needed: "one, for what is bound".into(),
         })?;
+        made::count(made::Kind::BindGroup);
         Ok(GathererBinding {
             group: device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("deep-screen-space gatherer"),

@@ -9,7 +9,10 @@ use wgpu::{BindGroupLayout, Buffer, BufferUsages, Device, ShaderStages};
 use super::bound::{GathererBinding, Origin, check_origin};
 use crate::{
     error::Error,
-    gpu::binding::{self, READ, whole},
+    gpu::{
+        binding::{self, READ, whole},
+        made,
+    },
     light::{Light, LightParams},
     reflective_shadow_map::ReflectiveShadowMapView,
 };
@@ -137,6 +140,7 @@ impl Gatherer {
         if params.is_empty() {
             params.push(LightParams::default());
         }
+        made::count(made::Kind::Buffer);
         let buffer = wgpu::util::DeviceExt::create_buffer_init(
             device,
             &wgpu::util::BufferInitDescriptor {

@@ -13,7 +13,10 @@ use super::{
 };
 use crate::{
     error::Error,
-    gpu::binding::{self, READ, UNIFORM, whole},
+    gpu::{
+        binding::{self, READ, UNIFORM, whole},
+        made,
+    },
     shell_splatter::{
         SurfelClusters,
         params::UNBOUNDED,
@@ -100,6 +103,7 @@ impl Gatherer {
         let bytes = radiance_bytes(cloud);
         binding::check_first(device, "SurfelLight::radiance", radiance, bytes)?;
         let params = SurfelGatherParams::new(settings, clusters, origin - cloud.origin());
+        made::count(made::Kind::Buffer);
         let params = device.create_buffer_init(&BufferInitDescriptor {
             label: Some(LABEL),
             contents: bytemuck::bytes_of(&params),
