@@ -1,6 +1,9 @@
 //! The `override` constants of a caller's WGSL, and whether the values that it gives fit them.
 
-use crate::error::Error;
+use crate::{
+    error::Error,
+    gpu::tokens::{tokens, without_comments},
+};
 
 /// An `override` of a source.
 #[derive(Debug, PartialEq)]
@@ -58,48 +61,6 @@ pub(crate) fn check_constants(
         )),
         None => Ok(()),
     }
-}
-
-fn without_comments(source: &str) -> String {
-    let mut out = String::with_capacity(source.len());
-    let mut rest = source;
-    // Comments of blocks nest.
-    let mut depth = 0;
-    while let Some(c) = rest.chars().next() {
-        if rest.starts_with("/*") {
-            depth += 1;
-            rest = &rest[2..];
-        } else if depth > 0 {
-            let end = rest.starts_with("*/");
-            depth -= usize::from(end);
-            rest = &rest[if end { 2 } else { c.len_utf8() }..];
-        } else if rest.starts_with("//") {
-            rest = rest.find('\n').map_or("", |end| &rest[end..]);
-        } else {
-            out.push(c);
-            rest = &rest[c.len_utf8()..];
-            continue;
-        }
-        out.push(' ');
-    }
-    out
-}
-
-/// Words, and all other characters one by one.
-fn tokens(source: &str) -> Vec<&str> {
-    let is_word = |c: char| c.is_alphanumeric() || c == '_';
-    let mut tokens = Vec::new();
-    let mut rest = source.trim_start();
-    while let Some(c) = rest.chars().next() {
-        let end = if is_word(c) {
-            rest.find(|c| !is_word(c)).unwrap_or(rest.len())
-        } else {
-            c.len_utf8()
-        };
-        tokens.push(&rest[..end]);
-        rest = rest[end..].trim_start();
-    }
-    tokens
 }
 
 fn overrides<'a>(tokens: &[&'a str]) -> Vec<Override<'a>> {

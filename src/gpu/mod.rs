@@ -2,12 +2,14 @@
 //! timestamps.
 
 pub(crate) mod binding;
+pub(crate) mod interface;
 pub(crate) mod made;
 pub(crate) mod preprocess;
 pub(crate) mod scan;
 pub(crate) mod screen;
 pub(crate) mod shader;
 pub(crate) mod sort;
+pub(crate) mod tokens;
 
 use bytemuck::Pod;
 use wgpu::{
