@@ -7,6 +7,7 @@ use wgpu::{Buffer, BufferUsages, Device};
 use crate::{
     error::{Error, check_setting},
     gpu::{
+        binding::Kept,
         scan::{Scan, ScanBuffer},
         storage,
     },
@@ -177,6 +178,8 @@ pub struct SurfelCloud {
     pub(crate) emission: Buffer,
     pub(crate) triangle_offsets: ScanBuffer,
     pub(crate) piece_offsets: ScanBuffer,
+    /// Of the recording that makes it: with the buffers of its meshes.
+    pub(crate) kept: Kept,
 }
 
 impl SurfelCloud {
@@ -257,6 +260,7 @@ impl SurfelCloud {
                 "deep-screen-space surfel offsets of pieces",
                 capacity.pieces,
             )?,
+            kept: Kept::default(),
         })
     }
 

@@ -1,8 +1,8 @@
 //! Which pixels of an image an effect computes: all, or those of a list that the GPU made (`wgsl/common/work.wgsl`).
 
 use wgpu::{
-    BindGroupLayout, BindingResource, BindingType, Buffer, BufferUsages, CommandEncoder,
-    ComputePipeline, Device, PipelineCache, ShaderStages, TextureFormat, TextureUsages,
+    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache, TextureFormat,
+    TextureUsages,
 };
 
 use crate::{
@@ -11,7 +11,7 @@ use crate::{
     geometry::{check_size, check_usage},
     gpu::{
         Kernel, Timestamps,
-        binding::{self, READ, check_first, first},
+        binding::{Layout, Named, Resource, check_first, first},
         compute_pass, shader,
     },
     texture_slice::{TextureSlice, check_slice},
@@ -70,7 +70,7 @@ impl PixelList<'_> {
     }
 
     /// The list as a binding.
-    pub(crate) fn list(&self, viewport: Viewport) -> BindingResource<'_> {
+    pub(crate) fn list(&self, viewport: Viewport) -> Resource<'_> {
         first(self.pixels, self.bytes(viewport))
     }
 
@@ -124,20 +124,14 @@ pub(crate) fn check_work(
 #[derive(Debug)]
 pub(crate) struct WorkKernel {
     label: &'static str,
-    /// Of the list.
-    binding: u32,
     /// For all pixels, and for those of a list.
-    variants: [(BindGroupLayout, ComputePipeline); 2],
+    variants: [(Layout, ComputePipeline); 2],
 }
 
 /// What a [`WorkKernel`] is made of.
 pub(crate) struct WorkKernelDescriptor<'a> {
     pub label: &'static str,
     pub entry: &'a str,
-    /// What it binds, but for the list.
-    pub entries: &'a [(u32, BindingType)],
-    /// Where the list is bound.
-    pub list: u32,
     pub constants: &'a [(&'a str, f64)],
     pub cache: Option<&'a PipelineCache>,
 }
@@ -152,20 +146,17 @@ impl WorkKernel {
         let &WorkKernelDescriptor {
             label,
             entry,
-            entries,
-            list: binding,
             constants,
             cache,
         } = descriptor;
         let variant = |list: bool| -> Result<_, Error> {
-            let mut entries = entries.to_vec();
-            entries.extend(list.then_some((binding, READ)));
-            let layout = binding::layout(device, label, ShaderStages::COMPUTE, &entries);
+            let module = shader::create(device, label, source(list)?);
+            let layout = module.layout(device, &[entry]);
             let pipeline = Kernel {
                 label,
-                module: &shader::create(device, label, source(list)?),
+                module: &module,
                 entry,
-                layouts: &[&layout],
+                layouts: &[&layout.raw],
                 constants,
                 cache,
             }
@@ -174,27 +165,26 @@ impl WorkKernel {
         };
         Ok(Self {
             label,
-            binding,
             variants: [variant(false)?, variant(true)?],
         })
     }
 
-    /// Records it over a list, or over all pixels of a viewport.
+    /// Records it over a list, or over all pixels of a viewport. The list is bound besides.
     pub fn record<'a>(
         &self,
         device: &Device,
         encoder: &mut CommandEncoder,
-        mut resources: Vec<(u32, BindingResource<'a>)>,
+        mut resources: Vec<Named<'a>>,
         work: Option<&'a PixelList<'_>>,
         viewport: Viewport,
         timestamps: Option<Timestamps<'_>>,
     ) {
-        resources.extend(work.map(|work| (self.binding, work.list(viewport))));
+        resources.extend(work.map(|work| ("work", work.list(viewport))));
         let (layout, pipeline) = &self.variants[usize::from(work.is_some())];
-        let group = binding::group(device, self.label, layout, &resources);
+        let group = layout.group(device, &resources);
         let mut pass = compute_pass(encoder, self.label, timestamps);
         pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, &group, &[]);
+        pass.set_bind_group(0, &group.raw, &group.offsets);
         match work {
             Some(work) => pass.dispatch_workgroups_indirect(work.dispatch, 0),
             None => {

@@ -6,8 +6,8 @@ pub(crate) mod settings;
 pub(crate) mod view;
 
 use wgpu::{
-    BindGroupLayout, BindingType, Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device,
-    PipelineCache, ShaderStages, TextureFormat, TextureViewDimension,
+    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache, TextureFormat,
+    TextureViewDimension,
 };
 
 use self::{
@@ -24,8 +24,9 @@ use crate::{
     geometry::Material,
     gpu::{
         Kernel, Timestamps,
-        binding::{self, FLOAT_2D, READ, UINT_2D, UNIFORM, WRITE, whole},
-        check_timestamps, compute_pass, shader, storage, uniform,
+        binding::{self, Kept, Layout, whole},
+        check_timestamps, compute_pass, shader, storage,
+        uniforms::{Parameters, Uniforms},
     },
     receivers::{Receivers, ReceiversPass, check_view_size, plane},
     recorded::Last,
@@ -48,7 +49,8 @@ const LABEL: &str = "deep-screen-space bounced z-buffer";
 #[derive(Debug)]
 pub struct BouncedZBuffer {
     descriptor: BouncedDescriptor,
-    layout: BindGroupLayout,
+    layout: Layout,
+    uniforms: Uniforms,
     trace: ComputePipeline,
     receivers: ReceiversPass,
 }
@@ -97,49 +99,19 @@ impl BouncedZBuffer {
         cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
         descriptor.primitives.validate()?;
-        let mut entries = vec![
-            (0, UNIFORM),
-            (1, READ),
-            (4, UINT_2D),
-            (9, WRITE),
-            (11, UNIFORM),
-        ];
         check_setting(
             !descriptor.lit() || descriptor.primitives == Primitives::Triangles,
             "BouncedDescriptor::primitives",
             f64::from(u8::from(descriptor.primitives != Primitives::Triangles)),
             "Primitives::Triangles, with Lighting::Hits",
         )?;
-        entries.extend(match (descriptor.payload, descriptor.lighting) {
-            (Payload::Occlusion, _) => vec![(5, WRITE)],
-            (Payload::Radiance, Lighting::Surfels) => vec![(5, store_colors()), (6, READ)],
-            (Payload::Radiance, Lighting::Hits) => {
-                vec![(5, store_colors()), (13, UNIFORM), (14, READ)]
-            }
-        });
-        entries.extend(match (descriptor.primitives, descriptor.payload) {
-            (Primitives::Disks { .. }, _) => {
-                vec![(2, FLOAT_2D), (16, UNIFORM), (17, READ), (18, READ)]
-            }
-            (Primitives::Triangles, Payload::Occlusion) => vec![(2, UINT_2D), (3, UINT_2D)],
-            (Primitives::Triangles, Payload::Radiance) => {
-                vec![(2, UINT_2D), (3, UINT_2D), (8, READ)]
-            }
-        });
-        let offsets = descriptor.primitives == Primitives::Triangles
-            && (descriptor.payload, descriptor.lighting) == (Payload::Radiance, Lighting::Surfels);
-        entries.extend(offsets.then_some((7, READ)));
-        entries.extend(descriptor.statistics.then_some((10, WRITE)));
-        if descriptor.sampling == Sampling::Glossy {
-            entries.push((12, FLOAT_2D));
-        }
-        let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
         let module = shader::create(device, LABEL, source(descriptor)?);
+        let layout = module.layout(device, &["trace"]);
         let trace = Kernel {
             label: LABEL,
             module: &module,
             entry: "trace",
-            layouts: &[&layout],
+            layouts: &[&layout.raw],
             constants: &[("SAMPLING", f64::from(descriptor.sampling.code()))],
             cache,
         }
@@ -148,6 +120,7 @@ impl BouncedZBuffer {
             descriptor: *descriptor,
             layout,
             trace,
+            uniforms: Uniforms::new(LABEL),
             receivers: ReceiversPass::new(device, cache)?,
         })
     }
@@ -213,6 +186,7 @@ impl BouncedZBuffer {
             rays_per_pixel,
             statistics,
             recorded: Last::default(),
+            kept: Kept::default(),
         })
     }
 
@@ -248,24 +222,26 @@ impl BouncedZBuffer {
             (self.descriptor.sampling == Sampling::Glossy).then_some("Sampling::Glossy"),
             viewport,
         )?;
-        let disks;
+        let mut parameters = Parameters::new(device);
+        let mut disks = None;
         let (nodes, primitives) = match self.descriptor.primitives {
             Primitives::Triangles => {
                 let bounds = input.bvh.triangles(cloud)?;
-                let mut primitives = vec![(3, binding::view(&bounds.triangles))];
+                let mut primitives = vec![("triangles", binding::view(&bounds.triangles))];
                 if self.descriptor.payload == Payload::Radiance {
-                    primitives.push((8, whole(&cloud.pieces)));
+                    primitives.push(("pieces", whole(&cloud.pieces)));
                 }
-                primitives.extend(radiance.map(|_| (7, whole(&cloud.piece_offsets.values))));
+                let offsets = radiance.map(|_| whole(&cloud.piece_offsets.values));
+                primitives.extend(offsets.map(|offsets| ("surfel_offsets", offsets)));
                 (&bounds.nodes, primitives)
             }
             Primitives::Disks { levels } => {
                 let bounds = input.bvh.disks(cloud, levels)?;
-                disks = uniform(device, LABEL, &DiskParams::new(&settings.disks, bounds));
+                disks = Some(parameters.add(&DiskParams::new(&settings.disks, bounds)));
                 let primitives = vec![
-                    (16, whole(&disks)),
-                    (17, whole(&cloud.surfels)),
-                    (18, whole(&cloud.sources)),
+                    ("counters", whole(&cloud.counters)),
+                    ("surfels", whole(&cloud.surfels)),
+                    ("sources", whole(&cloud.sources)),
                 ];
                 (&bounds.nodes, primitives)
             }
@@ -292,50 +268,44 @@ impl BouncedZBuffer {
             cloud.origin(),
             &view.receivers,
         );
-        let params = uniform(
-            device,
-            LABEL,
-            &BouncedParams::new(settings, view.size(), cloud.capacity),
-        );
-        let camera = uniform(device, LABEL, &input.camera.params(cloud.origin()));
+        let params = parameters.add(&BouncedParams::new(settings, view.size(), cloud.capacity));
+        let camera = parameters.add(&input.camera.params(cloud.origin()));
+        let lights = lighting
+            .map(|lighting| parameters.add(&LightsParams::new(lighting.lights, cloud.origin)));
+        let parameters = self.uniforms.upload(device, encoder, &parameters);
         let mut resources = vec![
-            (0, whole(&params)),
-            (1, whole(&cloud.counters)),
-            (2, binding::view(nodes)),
-            (4, binding::view(&view.receivers.view)),
-            (9, whole(&view.nearness)),
-            (11, whole(&camera)),
+            ("params", parameters.at(params)),
+            ("nodes", binding::view(nodes)),
+            ("receivers", binding::view(&view.receivers.view)),
+            ("nearness", whole(&view.nearness)),
+            ("camera", parameters.at(camera)),
         ];
         resources.extend(primitives);
-        match &view.hits {
-            Hits::Bits(buffer) => resources.push((5, whole(buffer))),
-            Hits::Colors(colors) => resources.push((5, binding::view(colors))),
-        }
-        resources
-            .extend(radiance.map(|radiance| (6, binding::first(radiance, radiance_bytes(cloud)))));
-        let lights = lighting.map(|lighting| {
-            uniform(
-                device,
-                LABEL,
-                &LightsParams::new(lighting.lights, cloud.origin),
-            )
-        });
-        if let (Some(lighting), Some(lights)) = (&lighting, &lights) {
+        resources.extend(disks.map(|disks| ("disks", parameters.at(disks))));
+        resources.push((
+            "hits",
+            match &view.hits {
+                Hits::Bits(buffer) => whole(buffer),
+                Hits::Colors(colors) => binding::view(colors),
+            },
+        ));
+        let radiance = radiance.map(|radiance| binding::first(radiance, radiance_bytes(cloud)));
+        resources.extend(radiance.map(|radiance| ("radiance", radiance)));
+        if let (Some(lighting), Some(lights)) = (&lighting, lights) {
             resources.extend([
-                (13, whole(lights)),
-                (14, binding::table::<Material>(lighting.materials)),
+                ("lights", parameters.at(lights)),
+                ("materials", binding::table::<Material>(lighting.materials)),
             ]);
         }
-        if let Some(statistics) = &view.statistics {
-            resources.push((10, whole(statistics)));
-        }
+        let statistics = view.statistics.as_ref();
+        resources.extend(statistics.map(|counts| ("statistics", whole(counts))));
         let roughness = roughness.map(|slice| slice.read());
-        resources.extend(
-            roughness
-                .as_ref()
-                .map(|roughness| (12, binding::view(roughness))),
-        );
-        let group = binding::group(device, LABEL, &self.layout, &resources);
+        let group = if let Some(roughness) = &roughness {
+            resources.push(("roughness_texture", binding::view(roughness)));
+            self.layout.group(device, &resources)
+        } else {
+            view.kept.groups(device).next(&self.layout, &resources)
+        };
         let mut pass = compute_pass(encoder, LABEL, input.timestamps);
         // Bits were cleared; a layer of colours cannot be, and without directions gets one that meets nothing.
         let layers = match view.hits {
@@ -345,7 +315,7 @@ impl BouncedZBuffer {
         if layers > 0 {
             let [width, height] = view.size();
             pass.set_pipeline(&self.trace);
-            pass.set_bind_group(0, &group, &[]);
+            pass.set_bind_group(0, &group.raw, &group.offsets);
             pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), layers);
         }
         Ok(())
@@ -441,10 +411,6 @@ impl BouncedZBuffer {
 /// Words of bits per pixel.
 pub(crate) fn words(rays_per_pixel: u32) -> u32 {
     rays_per_pixel.div_ceil(32)
-}
-
-fn store_colors() -> BindingType {
-    binding::store(TextureFormat::R32Uint, TextureViewDimension::D2Array)
 }
 
 /// Assembles the module.

@@ -6,6 +6,7 @@ use wgpu::{Buffer, TextureFormat, TextureView};
 use super::{descriptor::BouncedDescriptor, settings::BouncedSettings};
 use crate::{
     camera::Camera,
+    gpu::binding::Kept,
     receivers::{Receivers, plane_bytes},
     recorded::{Last, Stamp},
 };
@@ -29,6 +30,7 @@ pub struct BouncedView {
     pub(super) rays_per_pixel: u32,
     pub(super) statistics: Option<Buffer>,
     pub(crate) recorded: Last<Traced>,
+    pub(super) kept: Kept,
 }
 
 /// What a view's hits are of.

@@ -2,16 +2,17 @@
 
 use bytemuck::{Pod, Zeroable};
 use wgpu::{
-    BindGroupLayout, Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache,
-    ShaderStages, Texture, TextureUsages, TextureView,
+    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache, Texture,
+    TextureUsages, TextureView,
 };
 
 use crate::{
     error::{Error, check_limit},
     gpu::{
         Kernel, Timestamps, WORKGROUP,
-        binding::{self, READ, UNIFORM, WRITE, whole},
-        compute_pass, dispatch, shader, storage, uniform,
+        binding::{Kept, Layout, whole},
+        compute_pass, dispatch, shader, storage,
+        uniforms::{Parameters, Place, Uploaded},
     },
     shaders::Listing,
     surfel::SurfelCloud,
@@ -36,6 +37,19 @@ pub(crate) struct DiskBounds {
     pub nodes: TextureView,
     levels: Vec<LevelTrees>,
     pub capacity: u32,
+    parameters: Uploaded,
+    /// What is built, in order.
+    depths: Vec<Depth>,
+    kept: Kept,
+}
+
+/// A depth of the trees of a level.
+#[derive(Debug)]
+struct Depth {
+    params: Place,
+    number: u32,
+    /// As many as there is room for: how many surfels there are only the GPU knows.
+    threads: u32,
 }
 
 /// The trees of one level.
@@ -126,11 +140,30 @@ impl DiskBounds {
         let capacity = cloud.capacity.surfels;
         let (levels, nodes) = place_levels(capacity, levels);
         let built = VectorArray::new(device, "deep-screen-space disk bounds", NODE_TEXELS * nodes)?;
+        let mut parameters = Parameters::new(device);
+        let mut depths = Vec::new();
+        for (level, trees) in (0..).zip(&levels) {
+            for depth in 1..=top_of(trees.room) {
+                depths.push(Depth {
+                    params: parameters.add(&DiskBoundsParams {
+                        level,
+                        depth,
+                        capacity,
+                        level_first: trees.first,
+                    }),
+                    number: depth,
+                    threads: nodes_at(trees.room, depth) << (2 * level),
+                });
+            }
+        }
         Ok(Self {
             nodes: built.view(),
             built,
             levels,
             capacity,
+            parameters: parameters.fixed(device, LABEL),
+            depths,
+            kept: Kept::default(),
         })
     }
 
@@ -187,7 +220,7 @@ fn place_levels(capacity: u32, levels: u32) -> (Vec<LevelTrees>, u64) {
 /// The pipelines.
 #[derive(Debug)]
 pub(crate) struct DiskBoundsPass {
-    layout: BindGroupLayout,
+    layout: Layout,
     build_first: ComputePipeline,
     build_next: ComputePipeline,
 }
@@ -199,19 +232,14 @@ fn source() -> Result<String, Error> {
 
 impl DiskBoundsPass {
     pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
-        let layout = binding::layout(
-            device,
-            LABEL,
-            ShaderStages::COMPUTE,
-            &[(0, UNIFORM), (1, READ), (2, READ), (3, READ), (4, WRITE)],
-        );
         let module = shader::create(device, LABEL, source()?);
+        let layout = module.layout(device, &["build_first", "build_next"]);
         let kernel = |entry| {
             Kernel {
                 label: &format!("{LABEL}: {entry}"),
                 module: &module,
                 entry,
-                layouts: &[&layout],
+                layouts: &[&layout.raw],
                 constants: &[],
                 cache,
             }
@@ -234,36 +262,22 @@ impl DiskBoundsPass {
         timestamps: Option<Timestamps<'_>>,
     ) {
         let mut pass = compute_pass(encoder, LABEL, timestamps);
-        for (level, trees) in (0..).zip(&bounds.levels) {
-            for depth in 1..=top_of(trees.room) {
-                let params = DiskBoundsParams {
-                    level,
-                    depth,
-                    capacity: bounds.capacity,
-                    level_first: trees.first,
-                };
-                let params = uniform(device, LABEL, &params);
-                let group = binding::group(
-                    device,
-                    LABEL,
-                    &self.layout,
-                    &[
-                        (0, whole(&params)),
-                        (1, whole(&cloud.counters)),
-                        (2, whole(&cloud.surfels)),
-                        (3, whole(&cloud.sources)),
-                        (4, whole(bounds.built.buffer())),
-                    ],
-                );
-                let pipeline = if depth == 1 {
-                    &self.build_first
-                } else {
-                    &self.build_next
-                };
-                // As many threads as there is room for: how many surfels there are only the GPU knows.
-                let threads = nodes_at(trees.room, depth) << (2 * level);
-                dispatch(&mut pass, pipeline, &group, threads.div_ceil(WORKGROUP));
-            }
+        let mut groups = bounds.kept.groups(device);
+        for of in &bounds.depths {
+            let resources = [
+                ("params", bounds.parameters.at(of.params)),
+                ("counters", whole(&cloud.counters)),
+                ("surfels", whole(&cloud.surfels)),
+                ("sources", whole(&cloud.sources)),
+                ("nodes", whole(bounds.built.buffer())),
+            ];
+            let group = groups.next(&self.layout, &resources);
+            let pipeline = if of.number == 1 {
+                &self.build_first
+            } else {
+                &self.build_next
+            };
+            dispatch(&mut pass, pipeline, &group, of.threads.div_ceil(WORKGROUP));
         }
         drop(pass);
         bounds.built.copy(encoder);

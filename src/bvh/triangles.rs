@@ -3,18 +3,19 @@
 
 use bytemuck::{Pod, Zeroable};
 use wgpu::{
-    BindGroupLayout, Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache,
-    ShaderStages, Texture, TextureFormat, TextureUsages, TextureView, TextureViewDimension,
+    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache, Texture,
+    TextureFormat, TextureUsages, TextureView,
 };
 
 use crate::{
     error::{Error, check_limit},
     gpu::{
         Kernel, Timestamps, WORKGROUP,
-        binding::{self, READ, UNIFORM, WRITE, whole},
+        binding::{self, Kept, Layout, whole},
         compute_pass, dispatch, shader,
         sort::{Sort, SortBuffer},
-        storage, uniform,
+        storage,
+        uniforms::{Parameters, Place, Uploaded},
     },
     shaders::Listing,
 };
@@ -57,6 +58,10 @@ pub(crate) struct TriangleBvh {
     clusters: [Buffer; 2],
     binary: Buffer,
     tasks: Buffer,
+    /// For each level of clusters, and of nodes.
+    parameters: Uploaded,
+    levels: Vec<Place>,
+    kept: Kept,
 }
 
 #[repr(C)]
@@ -160,9 +165,10 @@ fn texels(
 /// The pipelines.
 #[derive(Debug)]
 pub(crate) struct TriangleBvhPass {
-    order_layout: BindGroupLayout,
-    cluster_layout: BindGroupLayout,
-    collapse_layout: BindGroupLayout,
+    plan_layout: Layout,
+    order_layout: Layout,
+    cluster_layout: Layout,
+    collapse_layout: Layout,
     plan: ComputePipeline,
     measure: ComputePipeline,
     make_keys: ComputePipeline,
@@ -184,40 +190,12 @@ fn source(stage: &str) -> Result<String, Error> {
 
 impl TriangleBvhPass {
     pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
-        let layout = |entries: &[_]| binding::layout(device, LABEL, ShaderStages::COMPUTE, entries);
-        let order_layout = layout(&[
-            (0, UNIFORM),
-            (1, READ),
-            (2, READ),
-            (3, WRITE),
-            (4, WRITE),
-            (5, WRITE),
-        ]);
-        let cluster_layout = layout(&[
-            (0, UNIFORM),
-            (1, WRITE),
-            (2, READ),
-            (3, READ),
-            (4, READ),
-            (5, WRITE),
-            (6, WRITE),
-        ]);
-        let texels = binding::store(TextureFormat::Rgba32Uint, TextureViewDimension::D2);
-        let collapse_layout = layout(&[
-            (0, UNIFORM),
-            (1, WRITE),
-            (2, READ),
-            (3, READ),
-            (4, WRITE),
-            (5, texels),
-            (6, texels),
-        ]);
-        let kernel = |module, entry, layout: &BindGroupLayout| {
+        let kernel = |module, entry, layout: &Layout| {
             Kernel {
                 label: &format!("{LABEL}: {entry}"),
                 module,
                 entry,
-                layouts: &[layout],
+                layouts: &[&layout.raw],
                 constants: &[],
                 cache,
             }
@@ -227,14 +205,20 @@ impl TriangleBvhPass {
         let order = module("bvh_order")?;
         let cluster = module("bvh_cluster")?;
         let collapse = module("bvh_collapse")?;
+        // A dispatch cannot bind the buffer that sizes it, which the plan alone writes.
+        let plan_layout = order.layout(device, &["plan"]);
+        let order_layout = order.layout(device, &["measure", "make_keys"]);
+        let cluster_layout = cluster.layout(device, &["cluster"]);
+        let collapse_layout = collapse.layout(device, &["collapse", "collapse_rest"]);
         Ok(Self {
-            plan: kernel(&order, "plan", &order_layout),
+            plan: kernel(&order, "plan", &plan_layout),
             measure: kernel(&order, "measure", &order_layout),
             make_keys: kernel(&order, "make_keys", &order_layout),
             sort: Sort::new(device, cache)?,
             cluster: kernel(&cluster, "cluster", &cluster_layout),
             collapse: kernel(&collapse, "collapse", &collapse_layout),
             collapse_rest: kernel(&collapse, "collapse_rest", &collapse_layout),
+            plan_layout,
             order_layout,
             cluster_layout,
             collapse_layout,
@@ -270,7 +254,22 @@ impl TriangleBvhPass {
             TRIANGLE_TEXELS,
         )?;
         let view = |texture: &Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
+        let mut parameters = Parameters::new(device);
+        let levels = 0..=LEVELS.max(cluster_levels(capacity));
+        let levels = levels
+            .map(|level| {
+                parameters.add(&BvhParams {
+                    capacity,
+                    level,
+                    threads: collapse_groups(capacity, level) * WORKGROUP,
+                    padding: 0,
+                })
+            })
+            .collect();
         Ok(TriangleBvh {
+            parameters: parameters.fixed(device, LABEL),
+            levels,
+            kept: Kept::default(),
             capacity,
             nodes: view(&node_texture),
             triangles: view(&triangle_texture),
@@ -309,33 +308,24 @@ impl TriangleBvhPass {
         bvh: &TriangleBvh,
         timestamps: Option<Timestamps<'_>>,
     ) {
-        let params = |level| {
-            let params = BvhParams {
-                capacity: bvh.capacity,
-                level,
-                threads: collapse_groups(bvh.capacity, level) * WORKGROUP,
-                padding: 0,
-            };
-            uniform(device, LABEL, &params)
-        };
-        let order = |written| {
-            let params = params(0);
-            let resources = [
-                (0, whole(&params)),
-                (1, whole(counters)),
-                (2, whole(pieces)),
-                (3, whole(&bvh.state)),
-                (4, whole(written)),
-                (5, whole(&bvh.order.items)),
-            ];
-            binding::group(device, LABEL, &self.order_layout, &resources)
-        };
-        let plan = order(&bvh.dispatches);
-        // A dispatch cannot bind the buffer that sizes it: these do not write the dispatches, but bind something there.
-        let keys = order(&bvh.tasks);
+        let params = |level: u32| ("params", bvh.parameters.at(bvh.levels[level as usize]));
+        let mut groups = bvh.kept.groups(device);
+        let resources = [
+            params(0),
+            ("counters", whole(counters)),
+            ("state", whole(&bvh.state)),
+            ("dispatches", whole(&bvh.dispatches)),
+        ];
+        let plan = groups.next(&self.plan_layout, &resources);
+        let resources = [
+            ("pieces", whole(pieces)),
+            ("state", whole(&bvh.state)),
+            ("items", whole(&bvh.order.items)),
+        ];
+        let keys = groups.next(&self.order_layout, &resources);
         let mut pass = compute_pass(encoder, LABEL, timestamps);
         dispatch(&mut pass, &self.plan, &plan, 1);
-        pass.set_bind_group(0, &keys, &[]);
+        pass.set_bind_group(0, &keys.raw, &keys.offsets);
         for pipeline in [&self.measure, &self.make_keys] {
             pass.set_pipeline(pipeline);
             pass.dispatch_workgroups_indirect(&bvh.dispatches, 0);
@@ -349,33 +339,31 @@ impl TriangleBvhPass {
             } else {
                 (odd, even)
             };
-            let params = params(level);
             let resources = [
-                (0, whole(&params)),
-                (1, whole(&bvh.state)),
-                (2, whole(pieces)),
-                (3, whole(&bvh.order.items)),
-                (4, whole(below)),
-                (5, whole(left)),
-                (6, whole(&bvh.binary)),
+                params(level),
+                ("state", whole(&bvh.state)),
+                ("pieces", whole(pieces)),
+                ("items", whole(&bvh.order.items)),
+                ("clusters_below", whole(below)),
+                ("clusters_left", whole(left)),
+                ("binary", whole(&bvh.binary)),
             ];
-            let group = binding::group(device, LABEL, &self.cluster_layout, &resources);
-            pass.set_bind_group(0, &group, &[]);
+            let group = groups.next(&self.cluster_layout, &resources);
+            pass.set_bind_group(0, &group.raw, &group.offsets);
             let at = DISPATCH_BYTES * u64::from(1 + level);
             pass.dispatch_workgroups_indirect(&bvh.dispatches, at);
         }
         for level in 0..=LEVELS {
-            let params = params(level);
             let resources = [
-                (0, whole(&params)),
-                (1, whole(&bvh.state)),
-                (2, whole(pieces)),
-                (3, whole(&bvh.binary)),
-                (4, whole(&bvh.tasks)),
-                (5, binding::view(&bvh.nodes)),
-                (6, binding::view(&bvh.triangles)),
+                params(level),
+                ("state", whole(&bvh.state)),
+                ("pieces", whole(pieces)),
+                ("binary", whole(&bvh.binary)),
+                ("tasks", whole(&bvh.tasks)),
+                ("nodes", binding::view(&bvh.nodes)),
+                ("triangles", binding::view(&bvh.triangles)),
             ];
-            let group = binding::group(device, LABEL, &self.collapse_layout, &resources);
+            let group = groups.next(&self.collapse_layout, &resources);
             if level < LEVELS {
                 let groups = collapse_groups(bvh.capacity, level);
                 dispatch(&mut pass, &self.collapse, &group, groups);

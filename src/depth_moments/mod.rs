@@ -2,8 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use wgpu::{
-    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache, ShaderStages,
-    TextureView,
+    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache, TextureView,
 };
 
 use crate::{
@@ -11,8 +10,9 @@ use crate::{
     error::Error,
     gpu::{
         Kernel, Timestamps,
-        binding::{self, FLOAT_2D, UNIFORM, WRITE, view, whole},
-        compute_pass, shader, storage, uniform,
+        binding::{Kept, Layout, view, whole},
+        compute_pass, shader, storage,
+        uniforms::{Parameters, Uniforms},
     },
     receivers::check_view_size,
     recorded::Last,
@@ -38,6 +38,8 @@ pub struct DepthMoments {
     pub(crate) buffer: Buffer,
     /// The camera of the depth.
     pub(crate) recorded: Last<Camera>,
+    /// Of the levels after the first.
+    kept: Kept,
 }
 
 impl DepthMoments {
@@ -52,6 +54,7 @@ impl DepthMoments {
             size,
             buffer: storage(device, LABEL, TEXEL * texels, usage)?,
             recorded: Last::default(),
+            kept: Kept::default(),
         })
     }
 
@@ -105,22 +108,21 @@ pub(crate) struct DepthMomentsParams {
 /// The pipelines: of the first level, and of the others.
 #[derive(Debug)]
 pub(crate) struct DepthMomentsPass {
-    first: (wgpu::BindGroupLayout, ComputePipeline),
-    further: (wgpu::BindGroupLayout, ComputePipeline),
+    first: (Layout, ComputePipeline),
+    further: (Layout, ComputePipeline),
+    uniforms: Uniforms,
 }
 
 impl DepthMomentsPass {
     pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
         let create = |depth: bool| -> Result<_, Error> {
-            let mut entries = vec![(0, UNIFORM), (1, WRITE)];
-            entries.extend(depth.then_some((2, FLOAT_2D)));
-            let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
             let module = shader::create(device, LABEL, source(depth)?);
+            let layout = module.layout(device, &["halve"]);
             let pipeline = Kernel {
                 label: LABEL,
                 module: &module,
                 entry: "halve",
-                layouts: &[&layout],
+                layouts: &[&layout.raw],
                 constants: &[],
                 cache,
             }
@@ -130,6 +132,7 @@ impl DepthMomentsPass {
         Ok(Self {
             first: create(true)?,
             further: create(false)?,
+            uniforms: Uniforms::new(LABEL),
         })
     }
 
@@ -147,28 +150,37 @@ impl DepthMomentsPass {
             ..MomentLevel::default()
         };
         let mut fine = pixels;
-        let mut pass = compute_pass(encoder, LABEL, timestamps);
-        for (i, coarse) in levels(moments.size).into_iter().enumerate() {
-            let params = uniform(
-                device,
-                LABEL,
-                &DepthMomentsParams {
-                    camera: camera.params(camera.focus()),
-                    forward: camera.forward().as_vec3().to_array(),
-                    padding: 0,
-                    fine,
-                    coarse,
-                },
-            );
-            let (layout, pipeline) = if i == 0 { &self.first } else { &self.further };
-            let mut resources = vec![(0, whole(&params)), (1, whole(&moments.buffer))];
-            resources.extend((i == 0).then(|| (2, view(depth))));
-            let group = binding::group(device, LABEL, layout, &resources);
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, &group, &[]);
-            let [width, height] = coarse.size.map(|n| n.div_ceil(8));
-            pass.dispatch_workgroups(width, height, 1);
+        let mut parameters = Parameters::new(device);
+        let levels = levels(moments.size).map(|coarse| {
+            let params = DepthMomentsParams {
+                camera: camera.params(camera.focus()),
+                forward: camera.forward().as_vec3().to_array(),
+                padding: 0,
+                fine,
+                coarse,
+            };
             fine = coarse;
+            (parameters.add(&params), coarse.size)
+        });
+        let parameters = self.uniforms.upload(device, encoder, &parameters);
+        let mut groups = moments.kept.groups(device);
+        let mut pass = compute_pass(encoder, LABEL, timestamps);
+        for (i, (params, size)) in levels.into_iter().enumerate() {
+            let (layout, pipeline) = if i == 0 { &self.first } else { &self.further };
+            let mut resources = vec![
+                ("params", parameters.at(params)),
+                ("moments", whole(&moments.buffer)),
+            ];
+            let group = if i == 0 {
+                resources.push(("depth_texture", view(depth)));
+                layout.group(device, &resources)
+            } else {
+                groups.next(layout, &resources)
+            };
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &group.raw, &group.offsets);
+            let [width, height] = size.map(|n| n.div_ceil(8));
+            pass.dispatch_workgroups(width, height, 1);
         }
     }
 }

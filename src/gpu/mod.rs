@@ -10,13 +10,14 @@ pub(crate) mod screen;
 pub(crate) mod shader;
 pub(crate) mod sort;
 pub(crate) mod tokens;
+pub(crate) mod uniforms;
 
-use bytemuck::Pod;
 use wgpu::{
-    BindGroup, BindGroupLayout, Buffer, BufferUsages, CommandEncoder, ComputePass, ComputePipeline,
-    Device, PipelineCache, ShaderModule, util::DeviceExt,
+    BindGroupLayout, Buffer, BufferUsages, CommandEncoder, ComputePass, ComputePipeline, Device,
+    PipelineCache,
 };
 
+use self::{binding::Group, shader::Shader};
 use crate::error::{Error, check_limit, check_setting};
 
 /// Where a pass writes its begin and end timestamps. Optional everywhere; the device needs
@@ -76,17 +77,6 @@ pub(crate) fn dispatch_rows(groups: u32) -> [u32; 3] {
     }
 }
 
-/// A uniform buffer for one recording. A fresh one each time, so that recordings into one encoder, or for two views,
-/// never overwrite each other's parameters before they are submitted.
-pub(crate) fn uniform<T: Pod>(device: &Device, label: &str, value: &T) -> Buffer {
-    made::count(made::Kind::Buffer);
-    device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-        label: Some(label),
-        contents: bytemuck::bytes_of(value),
-        usage: BufferUsages::UNIFORM,
-    })
-}
-
 /// A storage buffer of `bytes` that only the GPU touches, after a check against the binding limit. A binding may not be smaller
 /// than one element of what shaders take it for: where that is more than 16 bytes a buffer needs room for one.
 pub(crate) fn storage(
@@ -114,7 +104,7 @@ pub(crate) fn storage(
 /// Everything that a compute pipeline is made from.
 pub(crate) struct Kernel<'a> {
     pub label: &'a str,
-    pub module: &'a ShaderModule,
+    pub module: &'a Shader,
     pub entry: &'a str,
     pub layouts: &'a [&'a BindGroupLayout],
     pub constants: &'a [(&'a str, f64)],
@@ -133,7 +123,7 @@ impl Kernel<'_> {
         device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(self.label),
             layout: Some(&layout),
-            module: self.module,
+            module: &self.module.raw,
             entry_point: Some(self.entry),
             compilation_options: wgpu::PipelineCompilationOptions {
                 constants: self.constants,
@@ -185,7 +175,7 @@ fn begin<'e>(
 pub(crate) fn dispatch(
     pass: &mut ComputePass<'_>,
     pipeline: &ComputePipeline,
-    group: &BindGroup,
+    group: &Group,
     groups: u32,
 ) {
     if groups == 0 {
@@ -193,6 +183,6 @@ pub(crate) fn dispatch(
     }
     let [x, y, z] = dispatch_rows(groups);
     pass.set_pipeline(pipeline);
-    pass.set_bind_group(0, group, &[]);
+    pass.set_bind_group(0, &group.raw, &group.offsets);
     pass.dispatch_workgroups(x, y, z);
 }

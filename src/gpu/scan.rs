@@ -1,10 +1,12 @@
 //! Exclusive prefix sums on the GPU (`wgsl/scan.wgsl`).
 
-use wgpu::{
-    BindGroup, BufferUsages, ComputePass, ComputePipeline, Device, PipelineCache, ShaderStages,
-};
+use wgpu::{BufferUsages, ComputePass, ComputePipeline, Device, PipelineCache};
 
-use super::{Kernel, binding, dispatch, shader, storage};
+use super::{
+    Kernel,
+    binding::{Group, Layout, whole},
+    dispatch, shader, storage,
+};
 use crate::{error::Error, shaders::Listing};
 
 /// Values that one workgroup scans; `BLOCK` of the shader.
@@ -15,7 +17,7 @@ const SOURCE: &str = include_str!("../../wgsl/scan.wgsl");
 /// The pipelines.
 #[derive(Debug)]
 pub(crate) struct Scan {
-    layout: wgpu::BindGroupLayout,
+    layout: Layout,
     blocks: ComputePipeline,
     totals: ComputePipeline,
 }
@@ -26,29 +28,24 @@ pub(crate) struct ScanBuffer {
     /// `count + 1` values: after the scan the last one is the total.
     pub values: wgpu::Buffer,
     /// A bind group and a number of blocks for each stage, the values themselves first.
-    stages: Vec<(BindGroup, u32)>,
+    stages: Vec<(Group, u32)>,
     totals: Vec<wgpu::Buffer>,
 }
 
 impl Scan {
     pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
-        let layout = binding::layout(
-            device,
-            "deep-screen-space scan",
-            ShaderStages::COMPUTE,
-            &[(0, binding::WRITE), (1, binding::WRITE)],
-        );
         let module = shader::create(
             device,
             "deep-screen-space scan",
             shader::assemble("scan", SOURCE, &[], &[])?,
         );
+        let layout = module.layout(device, &["scan_blocks", "add_totals"]);
         let kernel = |entry| {
             Kernel {
                 label: "deep-screen-space scan",
                 module: &module,
                 entry,
-                layouts: &[&layout],
+                layouts: &[&layout.raw],
                 constants: &[],
                 cache,
             }
@@ -95,12 +92,8 @@ impl Scan {
         let mut from = &values;
         let mut length = count + 1;
         for to in &totals {
-            let group = binding::group(
-                device,
-                label,
-                &self.layout,
-                &[(0, binding::whole(from)), (1, binding::whole(to))],
-            );
+            let resources = [("values", whole(from)), ("totals", whole(to))];
+            let group = self.layout.group(device, &resources);
             stages.push((group, length.div_ceil(BLOCK)));
             length = length.div_ceil(BLOCK);
             from = to;

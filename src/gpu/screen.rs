@@ -1,11 +1,11 @@
 //! Fragment passes over the camera's viewport, into a texture of the caller's.
 
 use wgpu::{
-    BindGroup, BindGroupLayout, CommandEncoder, Device, PipelineCache, RenderPass, RenderPipeline,
-    ShaderModule, TextureFormat, TextureUsages,
+    BindGroupLayout, CommandEncoder, Device, PipelineCache, RenderPass, RenderPipeline,
+    TextureFormat, TextureUsages,
 };
 
-use super::Timestamps;
+use super::{Timestamps, binding::Group, shader::Shader};
 use crate::{
     camera::Viewport,
     error::Error,
@@ -58,7 +58,7 @@ pub(crate) fn check_target(
 /// Everything that such a pipeline is made from; the module imports `wgsl/common/screen.wgsl`.
 pub(crate) struct Screen<'a> {
     pub label: &'a str,
-    pub module: &'a ShaderModule,
+    pub module: &'a Shader,
     pub entry: &'a str,
     pub layout: &'a BindGroupLayout,
     pub constants: &'a [(&'a str, f64)],
@@ -86,7 +86,7 @@ impl Screen<'_> {
 /// Everything that a pipeline is made from that draws what its vertex shader makes up.
 pub(crate) struct Drawing<'a> {
     pub label: &'a str,
-    pub module: &'a ShaderModule,
+    pub module: &'a Shader,
     pub vertex: &'a str,
     pub fragment: &'a str,
     pub layouts: &'a [&'a BindGroupLayout],
@@ -109,7 +109,7 @@ impl Drawing<'_> {
             label: Some(self.label),
             layout: Some(&layout),
             vertex: wgpu::VertexState {
-                module: self.module,
+                module: &self.module.raw,
                 entry_point: Some(self.vertex),
                 compilation_options: wgpu::PipelineCompilationOptions::default(),
                 buffers: &[],
@@ -121,7 +121,7 @@ impl Drawing<'_> {
             depth_stencil: None,
             multisample: wgpu::MultisampleState::default(),
             fragment: Some(wgpu::FragmentState {
-                module: self.module,
+                module: &self.module.raw,
                 entry_point: Some(self.fragment),
                 compilation_options: wgpu::PipelineCompilationOptions {
                     constants: self.constants,
@@ -140,7 +140,7 @@ impl Drawing<'_> {
 pub(crate) fn draw(
     encoder: &mut CommandEncoder,
     label: &str,
-    (pipeline, group): (&RenderPipeline, &BindGroup),
+    (pipeline, group): (&RenderPipeline, &Group),
     target: &TextureSlice<'_>,
     viewport: Viewport,
     timestamps: Option<Timestamps<'_>>,
@@ -148,7 +148,7 @@ pub(crate) fn draw(
 ) {
     let mut pass = begin(encoder, label, target, viewport, timestamps, begins);
     pass.set_pipeline(pipeline);
-    pass.set_bind_group(0, group, &[]);
+    pass.set_bind_group(0, &group.raw, &group.offsets);
     pass.draw(0..3, 0..1);
 }
 

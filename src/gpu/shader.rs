@@ -2,7 +2,11 @@
 
 use std::borrow::Cow;
 
-use super::preprocess::{Mistake, Module, preprocess};
+use super::{
+    binding::Layout,
+    interface::Interface,
+    preprocess::{Mistake, Module, preprocess},
+};
 use crate::error::Error;
 
 /// The modules of `wgsl/common` by name.
@@ -97,12 +101,50 @@ pub(crate) fn assemble(
     })
 }
 
+/// A module on a device, and what it binds.
+#[derive(Debug)]
+pub(crate) struct Shader {
+    pub raw: wgpu::ShaderModule,
+    label: String,
+    interface: Interface,
+    /// What the caller's code in it binds.
+    foreign: Interface,
+}
+
 /// A shader module with the crate's label.
-pub(crate) fn create(device: &wgpu::Device, label: &str, source: String) -> wgpu::ShaderModule {
-    device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some(label),
-        source: wgpu::ShaderSource::Wgsl(Cow::Owned(source)),
-    })
+pub(crate) fn create(device: &wgpu::Device, label: &str, source: String) -> Shader {
+    create_with(device, label, source, "")
+}
+
+/// One that has the caller's code in it.
+pub(crate) fn create_with(
+    device: &wgpu::Device,
+    label: &str,
+    source: String,
+    callers: &str,
+) -> Shader {
+    Shader {
+        label: label.into(),
+        interface: Interface::of(&source),
+        foreign: Interface::of(callers),
+        raw: device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(label),
+            source: wgpu::ShaderSource::Wgsl(Cow::Owned(source)),
+        }),
+    }
+}
+
+impl Shader {
+    /// What some of its entry points bind in group 0.
+    pub fn layout(&self, device: &wgpu::Device, entries: &[&str]) -> Layout {
+        self.layout_of(device, 0, entries)
+    }
+
+    /// The same in any group.
+    pub fn layout_of(&self, device: &wgpu::Device, group: u32, entries: &[&str]) -> Layout {
+        let (own, foreign) = (&self.interface, &self.foreign);
+        Layout::new(device, &self.label, own, group, entries, foreign)
+    }
 }
 
 #[cfg(test)]

@@ -1,17 +1,15 @@
 //! Sorting on the GPU (`wgsl/sort.wgsl`).
 
 use bytemuck::{Pod, Zeroable};
-use wgpu::{
-    BindGroup, Buffer, BufferUsages, ComputePass, ComputePipeline, Device, PipelineCache,
-    ShaderStages,
-};
+use wgpu::{Buffer, BufferUsages, ComputePass, ComputePipeline, Device, PipelineCache};
 
 use super::{
     Kernel,
-    binding::{self, READ, UNIFORM, WRITE, whole},
+    binding::{Group, Layout, whole},
     dispatch,
     scan::{Scan, ScanBuffer},
-    shader, storage, uniform,
+    shader, storage,
+    uniforms::Parameters,
 };
 use crate::{error::Error, shaders::Listing};
 
@@ -27,7 +25,7 @@ const LABEL: &str = "deep-screen-space sort";
 /// The pipelines.
 #[derive(Debug)]
 pub(crate) struct Sort {
-    layout: wgpu::BindGroupLayout,
+    layout: Layout,
     count_digits: ComputePipeline,
     move_keys: ComputePipeline,
     scan: Scan,
@@ -40,7 +38,7 @@ pub(crate) struct SortBuffer {
     pub items: Buffer,
     other: Buffer,
     counts: ScanBuffer,
-    passes: Vec<BindGroup>,
+    passes: Vec<Group>,
     blocks: u32,
 }
 
@@ -54,19 +52,14 @@ pub(crate) struct SortParams {
 
 impl Sort {
     pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
-        let layout = binding::layout(
-            device,
-            LABEL,
-            ShaderStages::COMPUTE,
-            &[(0, UNIFORM), (1, READ), (2, READ), (3, WRITE), (4, WRITE)],
-        );
         let module = shader::create(device, LABEL, shader::assemble("sort", SOURCE, &[], &[])?);
+        let layout = module.layout(device, &["count_digits", "move_keys"]);
         let kernel = |entry| {
             Kernel {
                 label: LABEL,
                 module: &module,
                 entry,
-                layouts: &[&layout],
+                layouts: &[&layout.raw],
                 constants: &[],
                 cache,
             }
@@ -93,30 +86,33 @@ impl Sort {
         let items = storage(device, label, bytes, BufferUsages::empty())?;
         let other = storage(device, label, bytes, BufferUsages::empty())?;
         let counts = self.scan.buffer(device, label, DIGITS * blocks)?;
-        let passes = (0..32 / DIGIT_BITS)
+        let mut parameters = Parameters::new(device);
+        let places: Vec<_> = (0..32 / DIGIT_BITS)
             .map(|pass| {
-                let params = SortParams {
+                parameters.add(&SortParams {
                     shift: pass * DIGIT_BITS,
                     blocks,
                     padding: [0; 2],
-                };
+                })
+            })
+            .collect();
+        let parameters = parameters.fixed(device, label);
+        let passes = (0..)
+            .zip(places)
+            .map(|(pass, place)| {
                 let (from, to) = if pass % 2 == 0 {
                     (&items, &other)
                 } else {
                     (&other, &items)
                 };
-                binding::group(
-                    device,
-                    label,
-                    &self.layout,
-                    &[
-                        (0, whole(&uniform(device, label, &params))),
-                        (1, whole(length)),
-                        (2, whole(from)),
-                        (3, whole(to)),
-                        (4, whole(&counts.values)),
-                    ],
-                )
+                let resources = [
+                    ("params", parameters.at(place)),
+                    ("length", whole(length)),
+                    ("unsorted", whole(from)),
+                    ("sorted", whole(to)),
+                    ("counts", whole(&counts.values)),
+                ];
+                self.layout.group(device, &resources)
             })
             .collect();
         Ok(SortBuffer {
@@ -199,11 +195,7 @@ mod tests {
             usage: BufferUsages::MAP_READ | BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        let layout = |entries: &[(u32, wgpu::BindingType)]| {
-            binding::layout(device, "copy", ShaderStages::COMPUTE, entries)
-        };
         // The sort's own buffers are the GPU's alone: kernels copy into and out of them.
-        let layout = layout(&[(0, READ), (1, WRITE)]);
         let source = "
             @group(0) @binding(0) var<storage, read> a: array<vec2u>;
             @group(0) @binding(1) var<storage, read_write> b: array<vec2u>;
@@ -211,11 +203,13 @@ mod tests {
             fn copy(@builtin(global_invocation_id) id: vec3u) {
               if id.x < arrayLength(&a) { b[id.x] = a[id.x]; }
             }";
+        let module = shader::create(device, "copy", source.into());
+        let layout = module.layout(device, &["copy"]);
         let copy = Kernel {
             label: "copy",
-            module: &shader::create(device, "copy", source.into()),
+            module: &module,
             entry: "copy",
-            layouts: &[&layout],
+            layouts: &[&layout.raw],
             constants: &[],
             cache: None,
         }
@@ -230,8 +224,7 @@ mod tests {
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         let groups = capacity.div_ceil(64);
-        let group =
-            |from, to| binding::group(device, "copy", &layout, &[(0, whole(from)), (1, whole(to))]);
+        let group = |from, to| layout.group(device, &[("a", whole(from)), ("b", whole(to))]);
         dispatch(&mut pass, &copy, &group(&input, &buffer.items), groups);
         sort.record(&mut pass, &buffer);
         dispatch(&mut pass, &copy, &group(&buffer.items, &sorted), groups);

@@ -4,8 +4,8 @@ pub(crate) mod params;
 pub(crate) mod settings;
 
 use wgpu::{
-    BindGroupLayout, CommandEncoder, ComputePipeline, Device, PipelineCache, RenderPipeline,
-    ShaderStages, TextureFormat, TextureView, TextureViewDimension,
+    CommandEncoder, ComputePipeline, Device, PipelineCache, RenderPipeline, TextureFormat,
+    TextureView,
 };
 
 use self::{params::HitResolverParams, settings::HitResolverSettings};
@@ -20,10 +20,11 @@ use crate::{
     gbuffer::{GBuffer, check_roughness},
     gpu::{
         Kernel, Timestamps,
-        binding::{self, FLOAT_2D, READ, UINT_2D, UINT_ARRAY, UNIFORM, view, whole},
+        binding::{Kept, Layout, Named, view, whole},
         check_timestamps, first_pass,
         screen::{self, Screen},
-        shader, uniform,
+        shader,
+        uniforms::Uniforms,
     },
     receivers::{plane, plane_bytes},
     shaders::{Listing, name_of},
@@ -50,9 +51,10 @@ const LABEL: &str = "deep-screen-space hit resolver";
 #[derive(Debug)]
 pub struct HitResolver {
     descriptor: HitResolverDescriptor,
-    average_layout: BindGroupLayout,
-    near_layout: BindGroupLayout,
-    layout: BindGroupLayout,
+    average_layout: Layout,
+    near_layout: Layout,
+    layout: Layout,
+    uniforms: Uniforms,
     average: ComputePipeline,
     near: ComputePipeline,
     reconstruct: RenderPipeline,
@@ -90,6 +92,7 @@ pub struct HitResolverView {
     size: [u32; 2],
     means: TextureView,
     inverse_distances: TextureView,
+    kept: Kept,
 }
 
 impl HitResolverView {
@@ -153,64 +156,39 @@ impl HitResolver {
         cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
         screen::check_format(device, "HitResolver target", descriptor.target)?;
-        let radiance = descriptor.payload == Payload::Radiance;
-        let hits = if radiance { UINT_ARRAY } else { READ };
-        let shared = [(0, UNIFORM), (1, UINT_2D), (2, hits)];
-        let mut average = shared.to_vec();
-        average.push((
-            3,
-            binding::store(TextureFormat::Rgba32Float, TextureViewDimension::D2),
-        ));
-        let mut reconstruct = if descriptor.deferred {
-            shared.to_vec()
-        } else {
-            shared[..2].to_vec()
-        };
-        reconstruct.extend([(3, FLOAT_2D), (7, FLOAT_2D)]);
-        reconstruct.extend(descriptor.albedo().then_some((4, FLOAT_2D)));
-        if descriptor.glossy() {
-            average.push((5, FLOAT_2D));
-            reconstruct.push((5, FLOAT_2D));
-        }
-        let near = [
-            (0, UNIFORM),
-            (1, UINT_2D),
-            (6, READ),
-            (
-                7,
-                binding::store(TextureFormat::R32Float, TextureViewDimension::D2),
-            ),
-        ];
-        let near_layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &near);
-        let average_layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &average);
-        let layout = binding::layout(device, LABEL, ShaderStages::FRAGMENT, &reconstruct);
         let module = |stage| -> Result<_, Error> {
             Ok(shader::create(device, LABEL, source(descriptor, stage)?))
         };
         let constants = [("SAMPLING", f64::from(descriptor.sampling.code()))];
+        let of = module(HitStage::Average)?;
+        let average_layout = of.layout(device, &["average"]);
         let average = Kernel {
             label: LABEL,
-            module: &module(HitStage::Average)?,
+            module: &of,
             entry: "average",
-            layouts: &[&average_layout],
+            layouts: &[&average_layout.raw],
             constants: &constants,
             cache,
         }
         .create(device);
+        let of = module(HitStage::Near)?;
+        let near_layout = of.layout(device, &["near"]);
         let near = Kernel {
             label: LABEL,
-            module: &module(HitStage::Near)?,
+            module: &of,
             entry: "near",
-            layouts: &[&near_layout],
+            layouts: &[&near_layout.raw],
             constants: &[],
             cache,
         }
         .create(device);
+        let of = module(HitStage::Reconstruct)?;
+        let layout = of.layout(device, &["reconstruct"]);
         let reconstruct = Screen {
             label: LABEL,
-            module: &module(HitStage::Reconstruct)?,
+            module: &of,
             entry: "reconstruct",
-            layout: &layout,
+            layout: &layout.raw,
             constants: &constants,
             target: descriptor.target,
             cache,
@@ -221,6 +199,7 @@ impl HitResolver {
             average_layout,
             near_layout,
             layout,
+            uniforms: Uniforms::new(LABEL),
             average,
             near,
             reconstruct,
@@ -243,6 +222,7 @@ impl HitResolver {
         };
         Ok(HitResolverView {
             size,
+            kept: Kept::default(),
             means: texture(
                 "deep-screen-space means of hits",
                 TextureFormat::Rgba32Float,
@@ -279,48 +259,57 @@ impl HitResolver {
             viewport,
         )?;
         let params = HitResolverParams::new(settings, &traced);
-        let params = uniform(device, LABEL, &params);
+        let (parameters, params) = self.uniforms.upload_one(device, encoder, &params);
+        let mut groups = scratch.kept.groups(device);
+        let mut group = |layout: &Layout, resources: &[Named<'_>], callers: bool| {
+            if callers {
+                layout.group(device, resources)
+            } else {
+                groups.next(layout, resources)
+            }
+        };
         let hits = match &input.hits.hits {
             Hits::Bits(buffer) => whole(buffer),
             Hits::Colors(colors) => view(colors),
         };
         let shared = [
-            (0, whole(&params)),
-            (1, view(&input.hits.receivers.view)),
-            (2, hits),
+            ("params", parameters.at(params)),
+            ("receivers", view(&input.hits.receivers.view)),
         ];
-        let near = [
-            shared[0].clone(),
-            shared[1].clone(),
-            (6, whole(&input.hits.nearness)),
-            (7, view(&scratch.inverse_distances)),
-        ];
-        let near = binding::group(device, LABEL, &self.near_layout, &near);
+        let inverse_distances = ("inverse_distances", view(&scratch.inverse_distances));
         let mut resources = shared.to_vec();
-        resources.push((3, view(&scratch.means)));
+        resources.push(("nearness", whole(&input.hits.nearness)));
+        resources.push(inverse_distances.clone());
+        let near = group(&self.near_layout, &resources, false);
         let [roughness, albedo] = [roughness, albedo].map(|slice| slice.map(|slice| slice.read()));
-        resources.extend(roughness.as_ref().map(|roughness| (5, view(roughness))));
-        let group = binding::group(device, LABEL, &self.average_layout, &resources);
+        let mut resources = shared.to_vec();
+        resources.push(("means", view(&scratch.means)));
+        let roughness = roughness.as_ref().map(view);
+        resources.extend(roughness.map(|r| ("roughness_texture", r)));
+        let is_glossy = self.descriptor.glossy();
+        let mut averaged = resources.clone();
+        averaged.push(("hits", hits.clone()));
+        let average = group(&self.average_layout, &averaged, is_glossy);
+        resources.push(inverse_distances);
+        resources.extend(self.descriptor.deferred.then_some(("hits", hits)));
+        let albedo = albedo.as_ref().map(view);
+        resources.extend(albedo.map(|albedo| ("albedo_texture", albedo)));
+        let has_textures = is_glossy || self.descriptor.albedo();
+        let reconstruct = group(&self.layout, &resources, has_textures);
         let mut pass = first_pass(encoder, LABEL, input.timestamps);
         pass.set_pipeline(&self.average);
-        pass.set_bind_group(0, &group, &[]);
+        pass.set_bind_group(0, &average.raw, &average.offsets);
         let groups = [viewport.width, viewport.height].map(|side| side.div_ceil(8));
         pass.dispatch_workgroups(groups[0], groups[1], 1);
         pass.set_pipeline(&self.near);
-        pass.set_bind_group(0, &near, &[]);
+        pass.set_bind_group(0, &near.raw, &near.offsets);
         pass.dispatch_workgroups(groups[0], groups[1], 1);
         drop(pass);
 
-        if !self.descriptor.deferred {
-            resources.remove(2);
-        }
-        resources.push((7, view(&scratch.inverse_distances)));
-        resources.extend(albedo.as_ref().map(|albedo| (4, view(albedo))));
-        let group = binding::group(device, LABEL, &self.layout, &resources);
         screen::draw(
             encoder,
             LABEL,
-            (&self.reconstruct, &group),
+            (&self.reconstruct, &reconstruct),
             &input.target,
             viewport,
             input.timestamps,

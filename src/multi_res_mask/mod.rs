@@ -7,8 +7,8 @@ mod stencil;
 pub(crate) mod view;
 
 use wgpu::{
-    BindGroup, BindGroupLayout, Buffer, CommandEncoder, ComputePipeline, Device, PipelineCache,
-    RenderPassTimestampWrites, RenderPipeline, ShaderStages, TextureUsages, TextureView,
+    CommandEncoder, ComputePipeline, Device, PipelineCache, RenderPassTimestampWrites,
+    RenderPipeline, TextureUsages, TextureView,
 };
 
 use self::{
@@ -22,11 +22,12 @@ use crate::{
     gbuffer::{GBuffer, samples_as_float},
     gpu::{
         Kernel, Timestamps, WORKGROUP,
-        binding::{self, FLOAT_2D, UNIFORM, WRITE, view, whole},
+        binding::{Group, Groups, Layout, view, whole},
         check_timestamps,
         scan::Scan,
         screen::Screen,
-        shader, uniform,
+        shader,
+        uniforms::{Parameters, Place, Uniforms, Uploaded},
     },
     shaders::{Listing, name_of},
     texture_slice::{TextureSlice, check_slice},
@@ -55,16 +56,17 @@ pub struct MultiResMask {
     /// By whether there is a finer level.
     widen: [Drawn; 2],
     stamp: Drawn,
-    list_layout: BindGroupLayout,
+    list_layout: Layout,
     count: ComputePipeline,
     list: ComputePipeline,
     scan: Scan,
+    uniforms: Uniforms,
 }
 
 /// A pipeline that draws, and the layout of what it binds.
 #[derive(Debug)]
 struct Drawn {
-    layout: BindGroupLayout,
+    layout: Layout,
     pipeline: RenderPipeline,
 }
 
@@ -96,33 +98,22 @@ impl MultiResMask {
     pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
         let drawn = |stage, entry| Drawn::new(device, stage, entry, cache);
         let edges = |shading, given| drawn(MaskStage::Edges { shading, given }, "find_edges");
-        let list_layout = binding::layout(
-            device,
-            LABEL,
-            ShaderStages::COMPUTE,
-            &[
-                (0, UNIFORM),
-                (1, FLOAT_2D),
-                (2, WRITE),
-                (3, WRITE),
-                (4, WRITE),
-                (5, WRITE),
-            ],
-        );
         let module = shader::create(device, LABEL, source(MaskStage::List)?);
+        let list_layout = module.layout(device, &["count", "list"]);
         let kernel = |entry| {
             Kernel {
                 label: LABEL,
                 module: &module,
                 entry,
-                layouts: &[&list_layout],
+                layouts: &[&list_layout.raw],
                 constants: &[],
                 cache,
             }
             .create(device)
         };
         let (count, list) = (kernel("count"), kernel("list"));
-        let layout = MaskStage::Stamp.layout(device);
+        let stamp = shader::create(device, LABEL, source(MaskStage::Stamp)?);
+        let layout = stamp.layout(device, &["stamp"]);
         Ok(Self {
             find_edges: [
                 [edges(false, false)?, edges(false, true)?],
@@ -134,13 +125,14 @@ impl MultiResMask {
                 drawn(MaskStage::Widen { finer: true }, "widen")?,
             ],
             stamp: Drawn {
-                pipeline: stencil::pipeline(device, &layout, cache)?,
+                pipeline: stencil::pipeline(device, &stamp, &layout, cache),
                 layout,
             },
             list_layout,
             count,
             list,
             scan: Scan::new(device, cache)?,
+            uniforms: Uniforms::new(LABEL),
         })
     }
 
@@ -175,25 +167,36 @@ impl MultiResMask {
     ) -> Result<(), Error> {
         settings.validate()?;
         check(input, masks)?;
-        self.record_edges(device, encoder, input, settings, masks);
+        let mut parameters = Parameters::new(device);
+        let edges = parameters.add(&EdgeParams::new(input, settings));
         let levels: Vec<Level> = levels(masks.size, settings)
             .into_iter()
             .map(|(number, params)| Level {
                 number,
                 params,
-                uniform: uniform(device, LABEL, &params),
+                place: parameters.add(&params),
             })
             .collect();
-        self.record_masks(device, encoder, &levels, masks);
-        self.record_lists(device, encoder, &levels, masks, input.timestamps);
+        let parameters = self.uniforms.upload(device, encoder, &parameters);
+        let mut groups = masks.kept.groups(device);
+        self.record_edges(device, encoder, input, (&parameters, edges), masks);
+        self.record_masks(encoder, &mut groups, (&parameters, &levels), masks);
+        self.record_lists(
+            encoder,
+            &mut groups,
+            (&parameters, &levels),
+            masks,
+            input.timestamps,
+        );
         for level in &levels {
             let buffers = &masks.levels[level.number as usize];
             if let Some(target) = &buffers.stencil {
-                let resources = [(1, view(&buffers.mask))];
-                let group = binding::group(device, LABEL, &self.stamp.layout, &resources);
+                let resources = [("mask", view(&buffers.mask))];
+                let group = groups.next(&self.stamp.layout, &resources);
                 stencil::draw(encoder, &self.stamp.pipeline, &group, target);
             }
         }
+        drop(groups);
         masks.recorded = Some(*settings);
         masks.has_importance = input.importance.is_some();
         Ok(())
@@ -205,26 +208,29 @@ impl MultiResMask {
         device: &Device,
         encoder: &mut CommandEncoder,
         input: &MultiResMaskInput<'_>,
-        settings: &MultiResMaskSettings,
+        (parameters, params): (&Uploaded, Place),
         masks: &MultiResView,
     ) {
-        let params = uniform(device, LABEL, &EdgeParams::new(input, settings));
         let [depth, normal] = [input.gbuffer.depth, input.gbuffer.normal].map(|slice| slice.read());
         let read = |slice: Option<TextureSlice<'_>>| slice.map(|slice| slice.read());
         let shading = read(input.shading);
         let given = [read(input.edges), read(input.importance)];
-        let mut resources = vec![(0, whole(&params)), (1, view(&depth)), (2, view(&normal))];
-        resources.extend(shading.as_ref().map(|shading| (3, view(shading))));
+        let mut resources = vec![
+            ("params", parameters.at(params)),
+            ("depth_texture", view(&depth)),
+            ("normal_texture", view(&normal)),
+        ];
+        resources.extend(shading.as_ref().map(|s| ("shading", view(s))));
         // Where one of the two is not given the other stands in its place, unread.
         if let Some(any) = given[0].as_ref().or(given[1].as_ref()) {
             let both = given
                 .each_ref()
                 .map(|own| view(own.as_ref().unwrap_or(any)));
-            resources.extend((4..).zip(both));
+            resources.extend(["extra", "importance"].into_iter().zip(both));
         }
         let is_given = usize::from(given.iter().any(Option::is_some));
         let find = &self.find_edges[usize::from(input.shading.is_some())][is_given];
-        let group = binding::group(device, LABEL, &find.layout, &resources);
+        let group = find.layout.group(device, &resources);
         let begin = input.timestamps.map(|t| RenderPassTimestampWrites {
             query_set: t.set,
             beginning_of_pass_write_index: Some(t.begin),
@@ -236,9 +242,9 @@ impl MultiResMask {
     /// The masks of all levels, from the finest on.
     fn record_masks(
         &self,
-        device: &Device,
         encoder: &mut CommandEncoder,
-        levels: &[Level],
+        groups: &mut Groups<'_>,
+        (parameters, levels): (&Uploaded, &[Level]),
         masks: &MultiResView,
     ) {
         let Some((coarsest, blurred)) = levels.split_last() else {
@@ -250,16 +256,19 @@ impl MultiResMask {
         for level in blurred {
             let own = level.number as usize;
             for coarser in known + 1..=own {
-                let resources = [(0, view(&masks.edges[coarser - 1]))];
-                let group = binding::group(device, LABEL, &self.coarsen.layout, &resources);
+                let resources = [("edges", view(&masks.edges[coarser - 1]))];
+                let group = groups.next(&self.coarsen.layout, &resources);
                 let to = &masks.edges[coarser];
                 fill(encoder, Some((&self.coarsen, &group)), to, None);
             }
             known = own;
             let widen = &self.widen[usize::from(finer.is_some())];
-            let mut resources = vec![(0, whole(&level.uniform)), (1, view(&masks.edges[own]))];
-            resources.extend(finer.map(|finer| (2, view(finer))));
-            let group = binding::group(device, LABEL, &widen.layout, &resources);
+            let mut resources = vec![
+                ("params", parameters.at(level.place)),
+                ("edges", view(&masks.edges[own])),
+            ];
+            resources.extend(finer.map(|finer| ("finer", view(finer))));
+            let group = groups.next(&widen.layout, &resources);
             let mask = &masks.levels[own].mask;
             fill(encoder, Some((widen, &group)), mask, None);
             finer = Some(mask);
@@ -272,25 +281,25 @@ impl MultiResMask {
     /// The lists of all levels. It is the last pass with timestamps.
     fn record_lists(
         &self,
-        device: &Device,
         encoder: &mut CommandEncoder,
-        levels: &[Level],
+        groups: &mut Groups<'_>,
+        (parameters, levels): (&Uploaded, &[Level]),
         masks: &MultiResView,
         timestamps: Option<Timestamps<'_>>,
     ) {
-        let groups: Vec<(BindGroup, u32)> = levels
+        let groups: Vec<(Group, u32)> = levels
             .iter()
             .map(|level| {
                 let buffers = &masks.levels[level.number as usize];
                 let resources = [
-                    (0, whole(&level.uniform)),
-                    (1, view(&buffers.mask)),
-                    (2, whole(&masks.counts.values)),
-                    (3, whole(&buffers.pixels)),
-                    (4, whole(&buffers.dispatch)),
-                    (5, whole(&buffers.blended)),
+                    ("params", parameters.at(level.place)),
+                    ("mask", view(&buffers.mask)),
+                    ("counts", whole(&masks.counts.values)),
+                    ("pixels", whole(&buffers.pixels)),
+                    ("workgroups", whole(&buffers.dispatch)),
+                    ("blended", whole(&buffers.blended)),
                 ];
-                let group = binding::group(device, LABEL, &self.list_layout, &resources);
+                let group = groups.next(&self.list_layout, &resources);
                 let [columns, rows] = level.params.tiles;
                 (group, (columns * rows).div_ceil(WORKGROUP))
             })
@@ -305,13 +314,13 @@ impl MultiResMask {
         });
         pass.set_pipeline(&self.count);
         for (group, workgroups) in &groups {
-            pass.set_bind_group(0, group, &[]);
+            pass.set_bind_group(0, &group.raw, &group.offsets);
             pass.dispatch_workgroups(*workgroups, 1, 1);
         }
         self.scan.record(&mut pass, &masks.counts);
         pass.set_pipeline(&self.list);
         for (group, workgroups) in &groups {
-            pass.set_bind_group(0, group, &[]);
+            pass.set_bind_group(0, &group.raw, &group.offsets);
             pass.dispatch_workgroups(*workgroups, 1, 1);
         }
     }
@@ -321,7 +330,7 @@ impl MultiResMask {
 struct Level {
     number: u32,
     params: LevelParams,
-    uniform: Buffer,
+    place: Place,
 }
 
 impl Drawn {
@@ -331,12 +340,13 @@ impl Drawn {
         entry: &str,
         cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
-        let layout = stage.layout(device);
+        let module = shader::create(device, LABEL, source(stage)?);
+        let layout = module.layout(device, &[entry]);
         let pipeline = Screen {
             label: LABEL,
-            module: &shader::create(device, LABEL, source(stage)?),
+            module: &module,
             entry,
-            layout: &layout,
+            layout: &layout.raw,
             constants: &[],
             target: BLOCK,
             cache,
@@ -349,7 +359,7 @@ impl Drawn {
 /// Draws all of a texture, or sets all of it to 1.
 fn fill(
     encoder: &mut CommandEncoder,
-    drawn: Option<(&Drawn, &BindGroup)>,
+    drawn: Option<(&Drawn, &Group)>,
     target: &TextureView,
     timestamps: Option<RenderPassTimestampWrites<'_>>,
 ) {
@@ -374,7 +384,7 @@ fn fill(
     });
     if let Some((drawn, group)) = drawn {
         pass.set_pipeline(&drawn.pipeline);
-        pass.set_bind_group(0, group, &[]);
+        pass.set_bind_group(0, &group.raw, &group.offsets);
         pass.draw(0..3, 0..1);
     }
 }
@@ -439,29 +449,6 @@ impl MaskStage {
             Self::List => vec!["LIST"],
             Self::Stamp => Vec::new(),
         }
-    }
-
-    /// What a stage binds that draws.
-    fn layout(self, device: &Device) -> BindGroupLayout {
-        let textures: &[u32] = match self {
-            Self::Edges { shading, given } => match (shading, given) {
-                (false, false) => &[1, 2],
-                (true, false) => &[1, 2, 3],
-                (false, true) => &[1, 2, 4, 5],
-                (true, true) => &[1, 2, 3, 4, 5],
-            },
-            Self::Coarsen => &[0],
-            Self::Widen { finer: true } => &[1, 2],
-            _ => &[1],
-        };
-        let mut entries: Vec<_> = textures
-            .iter()
-            .map(|&binding| (binding, FLOAT_2D))
-            .collect();
-        if matches!(self, Self::Edges { .. } | Self::Widen { .. }) {
-            entries.push((0, UNIFORM));
-        }
-        binding::layout(device, LABEL, ShaderStages::FRAGMENT, &entries)
     }
 }
 

@@ -1,12 +1,15 @@
 //! What raster effects test: 1 where a level lists a pixel.
 
 use wgpu::{
-    BindGroupLayout, CommandEncoder, CompareFunction, Device, PipelineCache, RenderPipeline,
-    StencilFaceState, StencilOperation, TextureFormat, TextureUsages, TextureView,
+    CommandEncoder, CompareFunction, Device, PipelineCache, RenderPipeline, StencilFaceState,
+    StencilOperation, TextureFormat, TextureUsages, TextureView,
 };
 
-use super::{LABEL, MaskStage, source};
-use crate::{error::Error, gpu::shader};
+use super::LABEL;
+use crate::gpu::{
+    binding::{Group, Layout},
+    shader::Shader,
+};
 
 /// Its format.
 pub(super) const STENCIL: TextureFormat = TextureFormat::Stencil8;
@@ -36,13 +39,13 @@ pub(super) fn create(device: &Device, [width, height]: [u32; 2]) -> TextureView 
 /// The pipeline that writes stencils: nothing else is attached.
 pub(super) fn pipeline(
     device: &Device,
-    layout: &BindGroupLayout,
+    module: &Shader,
+    layout: &Layout,
     cache: Option<&PipelineCache>,
-) -> Result<RenderPipeline, Error> {
-    let module = shader::create(device, LABEL, source(MaskStage::Stamp)?);
+) -> RenderPipeline {
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some(LABEL),
-        bind_group_layouts: &[Some(layout)],
+        bind_group_layouts: &[Some(&layout.raw)],
         immediate_size: 0,
     });
     let face = StencilFaceState {
@@ -50,47 +53,45 @@ pub(super) fn pipeline(
         pass_op: StencilOperation::Replace,
         ..Default::default()
     };
-    Ok(
-        device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some(LABEL),
-            layout: Some(&layout),
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: Some("cover"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                buffers: &[],
+    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some(LABEL),
+        layout: Some(&layout),
+        vertex: wgpu::VertexState {
+            module: &module.raw,
+            entry_point: Some("cover"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState::default(),
+        depth_stencil: Some(wgpu::DepthStencilState {
+            format: STENCIL,
+            depth_write_enabled: None,
+            depth_compare: None,
+            stencil: wgpu::StencilState {
+                front: face,
+                back: face,
+                read_mask: 0xff,
+                write_mask: 0xff,
             },
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: Some(wgpu::DepthStencilState {
-                format: STENCIL,
-                depth_write_enabled: None,
-                depth_compare: None,
-                stencil: wgpu::StencilState {
-                    front: face,
-                    back: face,
-                    read_mask: 0xff,
-                    write_mask: 0xff,
-                },
-                bias: wgpu::DepthBiasState::default(),
-            }),
-            multisample: wgpu::MultisampleState::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: Some("stamp"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                targets: &[],
-            }),
-            multiview_mask: None,
-            cache,
+            bias: wgpu::DepthBiasState::default(),
         }),
-    )
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module: &module.raw,
+            entry_point: Some("stamp"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            targets: &[],
+        }),
+        multiview_mask: None,
+        cache,
+    })
 }
 
 /// 1 where a level's mask is above 0, and 0 elsewhere.
 pub(super) fn draw(
     encoder: &mut CommandEncoder,
     pipeline: &RenderPipeline,
-    group: &wgpu::BindGroup,
+    group: &Group,
     stencil: &TextureView,
 ) {
     let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
@@ -106,7 +107,7 @@ pub(super) fn draw(
         ..Default::default()
     });
     pass.set_pipeline(pipeline);
-    pass.set_bind_group(0, group, &[]);
+    pass.set_bind_group(0, &group.raw, &group.offsets);
     pass.set_stencil_reference(1);
     pass.draw(0..3, 0..1);
 }

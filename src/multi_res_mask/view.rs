@@ -10,6 +10,7 @@ use super::{
 use crate::{
     error::Error,
     gpu::{
+        binding::Kept,
         scan::{Scan, ScanBuffer},
         storage,
     },
@@ -36,6 +37,7 @@ pub struct MultiResView {
     pub(super) recorded: Option<MultiResMaskSettings>,
     /// Whether edges were left out of that as not important.
     pub(super) has_importance: bool,
+    pub(super) kept: Kept,
 }
 
 #[derive(Debug)]
@@ -96,6 +98,7 @@ impl MultiResView {
             )?,
             recorded: None,
             has_importance: false,
+            kept: Kept::default(),
         })
     }
 

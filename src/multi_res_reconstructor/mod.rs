@@ -5,8 +5,8 @@ pub(crate) mod params;
 pub(crate) mod settings;
 
 use wgpu::{
-    BindGroupLayout, CommandEncoder, ComputePass, ComputePipeline, Device, PipelineCache,
-    RenderPipeline, ShaderStages, TextureFormat, TextureUsages, TextureView, TextureViewDimension,
+    CommandEncoder, ComputePass, ComputePipeline, Device, PipelineCache, RenderPipeline,
+    TextureFormat, TextureUsages, TextureView,
 };
 
 use self::{
@@ -20,10 +20,11 @@ use crate::{
     gbuffer::GBuffer,
     gpu::{
         Kernel, Timestamps,
-        binding::{self, FLOAT_2D, READ, UNIFORM, view, whole},
+        binding::{Layout, Resource, view, whole},
         check_timestamps, first_pass,
         screen::{self, Screen},
-        shader, uniform,
+        shader,
+        uniforms::{Parameters, Uniforms},
     },
     multi_res_mask::{settings::MultiResMaskSettings, view::MultiResView},
     receivers::{plane_bytes, plane_for},
@@ -51,13 +52,14 @@ const LABEL: &str = "deep-screen-space multi-resolution reconstructor";
 pub struct MultiResReconstructor {
     channels: Channels,
     target: TextureFormat,
-    level_layout: BindGroupLayout,
+    level_layout: Layout,
     /// By whether all pixels about one are on its surface, unless it is listed.
     complete: [ComputePipeline; 2],
     mend: ComputePipeline,
-    blend_layout: BindGroupLayout,
+    blend_layout: Layout,
     /// As `complete`.
     blend: [RenderPipeline; 2],
+    uniforms: Uniforms,
 }
 
 /// A texture for each level: what an effect writes and the reconstructor reads; and one that it completes in.
@@ -122,37 +124,28 @@ impl MultiResReconstructor {
         cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
         screen::check_format(device, "MultiResReconstructor target", target)?;
-        let read = |bindings: std::ops::RangeInclusive<u32>| {
-            let textures = bindings.map(|binding| (binding, FLOAT_2D));
-            std::iter::once((0, UNIFORM)).chain(textures)
-        };
-        let store = binding::store(format(channels), TextureViewDimension::D2);
-        let level_entries: Vec<_> = read(1..=5)
-            .chain([(6, READ), (7, store), (8, READ)])
-            .collect();
-        let level_layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &level_entries);
-        let blend_entries: Vec<_> = read(1..=6).collect();
-        let blend_layout = binding::layout(device, LABEL, ShaderStages::FRAGMENT, &blend_entries);
         let constants = |alike: bool| [("ALIKE", f64::from(u8::from(alike)))];
         let module = shader::create(device, LABEL, source(channels, false)?);
+        let level_layout = module.layout(device, &["complete", "mend"]);
         let kernel = |entry, alike| {
             Kernel {
                 label: LABEL,
                 module: &module,
                 entry,
-                layouts: &[&level_layout],
+                layouts: &[&level_layout.raw],
                 constants: &constants(alike),
                 cache,
             }
             .create(device)
         };
         let screen = shader::create(device, LABEL, source(channels, true)?);
+        let blend_layout = screen.layout(device, &["blend"]);
         let blend = |alike| {
             Screen {
                 label: LABEL,
                 module: &screen,
                 entry: "blend",
-                layout: &blend_layout,
+                layout: &blend_layout.raw,
                 constants: &constants(alike),
                 target,
                 cache,
@@ -167,6 +160,7 @@ impl MultiResReconstructor {
             blend: [blend(false), blend(true)],
             level_layout,
             blend_layout,
+            uniforms: Uniforms::new(LABEL),
         })
     }
 
@@ -232,52 +226,59 @@ impl MultiResReconstructor {
         let images = input.images;
         let alike = alike(mask, input.masks.has_importance());
         let mut coarse = (mask.coarsest(), images.view(mask.coarsest()));
-        let levels: Vec<u32> = mask.present().map(|(level, _)| level).collect();
-        let gbuffer = [input.gbuffer.depth, input.gbuffer.normal].map(|slice| slice.read());
-        let [depth, normal] = &gbuffer;
-        let mut pass = first_pass(encoder, LABEL, input.timestamps);
-        for &level in levels.iter().rev().skip(1) {
-            let params =
-                MultiResReconstructorParams::new(input, mask, *settings, [level, coarse.0]);
-            let own = images.view(level);
+        let mut parameters = Parameters::new(device);
+        let params = |levels| MultiResReconstructorParams::new(input, mask, *settings, levels);
+        let mut levels = Vec::new();
+        let present: Vec<u32> = mask.present().map(|(level, _)| level).collect();
+        for &level in present.iter().rev().skip(1) {
+            let params = params([level, coarse.0]);
             let result = images.completed[level as usize].as_ref();
-            if let (Some(coarse), Some(own), Some(result)) = (coarse.1, own, result) {
-                let is_alike = alike & (1 << params.coarser) != 0;
-                let textures = [coarse, own, result];
-                self.record_level(
-                    device,
-                    &mut pass,
-                    (input, &gbuffer),
-                    &params,
-                    textures,
-                    is_alike,
-                );
+            if let (Some(coarse), Some(own), Some(result)) = (coarse.1, images.view(level), result)
+            {
+                levels.push((params, parameters.add(&params), [coarse, own, result]));
             }
             // The finest level's other pixels are what the target has.
             if level > 0 {
                 coarse = (level, result);
             }
         }
+        let blended = params([0, coarse.0]);
+        let place = parameters.add(&blended);
+        let parameters = self.uniforms.upload(device, encoder, &parameters);
+        let gbuffer = [input.gbuffer.depth, input.gbuffer.normal].map(|slice| slice.read());
+        let [depth, normal] = &gbuffer;
+        let mut pass = first_pass(encoder, LABEL, input.timestamps);
+        for (params, place, textures) in levels {
+            let is_alike = alike & (1 << params.coarser) != 0;
+            let params = (&params, parameters.at(place));
+            self.record_level(
+                device,
+                &mut pass,
+                (input, &gbuffer),
+                params,
+                textures,
+                is_alike,
+            );
+        }
         drop(pass);
-        let params = MultiResReconstructorParams::new(input, mask, *settings, [0, coarse.0]);
         // Where the finest level is left out others stand in its place, unread.
         if let (Some(coarse), Some(mask)) = (
             coarse.1,
             input.masks.mask(0).or(input.masks.mask(mask.coarsest())),
         ) {
-            let uniform = uniform(device, LABEL, &params);
+            let completed = images.completed[0].as_ref();
             let resources = [
-                (0, whole(&uniform)),
-                (1, view(depth)),
-                (2, view(normal)),
-                (3, view(coarse)),
-                (4, view(mask)),
-                (5, view(images.view(0).unwrap_or(coarse))),
-                (6, view(images.completed[0].as_ref().unwrap_or(coarse))),
+                ("params", parameters.at(place)),
+                ("depth_texture", view(depth)),
+                ("normal_texture", view(normal)),
+                ("coarse", view(coarse)),
+                ("mask", view(mask)),
+                ("own", view(images.view(0).unwrap_or(coarse))),
+                ("mended", view(completed.unwrap_or(coarse))),
             ];
-            let group = binding::group(device, LABEL, &self.blend_layout, &resources);
+            let group = self.blend_layout.group(device, &resources);
             // Of one level all is listed.
-            let is_alike = params.coarser == 0 || alike & (1 << params.coarser) != 0;
+            let is_alike = blended.coarser == 0 || alike & (1 << blended.coarser) != 0;
             screen::draw(
                 encoder,
                 LABEL,
@@ -298,7 +299,7 @@ impl MultiResReconstructor {
         device: &Device,
         pass: &mut ComputePass<'_>,
         (input, [depth, normal]): (&MultiResReconstructorInput<'_>, &[TextureView; 2]),
-        params: &MultiResReconstructorParams,
+        (params, uniform): (&MultiResReconstructorParams, Resource<'_>),
         [coarse, own, result]: [&TextureView; 3],
         is_alike: bool,
     ) {
@@ -309,20 +310,19 @@ impl MultiResReconstructor {
         ) else {
             return;
         };
-        let uniform = uniform(device, LABEL, params);
         let resources = [
-            (0, whole(&uniform)),
-            (1, view(depth)),
-            (2, view(normal)),
-            (3, view(coarse)),
-            (4, view(mask)),
-            (5, view(own)),
-            (6, work.list(input.camera.viewport())),
-            (7, view(result)),
-            (8, whole(blended)),
+            ("params", uniform),
+            ("depth_texture", view(depth)),
+            ("normal_texture", view(normal)),
+            ("coarse", view(coarse)),
+            ("mask", view(mask)),
+            ("own", view(own)),
+            ("work", work.list(input.camera.viewport())),
+            ("result", view(result)),
+            ("blended", whole(blended)),
         ];
-        let group = binding::group(device, LABEL, &self.level_layout, &resources);
-        pass.set_bind_group(0, &group, &[]);
+        let group = self.level_layout.group(device, &resources);
+        pass.set_bind_group(0, &group.raw, &group.offsets);
         if params.level > 0 {
             let [width, height] = level_size(input.masks.size(), params.level);
             pass.set_pipeline(&self.complete[usize::from(is_alike)]);

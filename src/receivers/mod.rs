@@ -3,8 +3,8 @@
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use wgpu::{
-    CommandEncoder, ComputePipeline, Device, PipelineCache, ShaderStages, TextureFormat,
-    TextureUsages, TextureView, TextureViewDimension,
+    CommandEncoder, ComputePipeline, Device, PipelineCache, TextureFormat, TextureUsages,
+    TextureView,
 };
 
 use crate::{
@@ -13,8 +13,10 @@ use crate::{
     gbuffer::GBuffer,
     gpu::{
         Kernel,
-        binding::{self, FLOAT_2D, READ, UNIFORM, view, whole},
-        compute_pass, shader, uniform,
+        binding::{Layout, view},
+        compute_pass,
+        shader::{self, Shader},
+        uniforms::Uniforms,
     },
     shaders::Listing,
     work::PixelList,
@@ -146,17 +148,19 @@ pub(crate) struct ListedReceiversParams {
 /// The pipeline.
 #[derive(Debug)]
 pub(crate) struct ReceiversPass {
-    layout: wgpu::BindGroupLayout,
+    layout: Layout,
     prepare: ComputePipeline,
+    uniforms: Uniforms,
 }
 
 impl ReceiversPass {
     pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
-        let layout = layout(device, false);
         let module = shader::create(device, LABEL, source(false)?);
+        let layout = module.layout(device, &["prepare"]);
         Ok(Self {
             prepare: kernel(device, &module, &layout, "prepare", cache),
             layout,
+            uniforms: Uniforms::new(LABEL),
         })
     }
 
@@ -170,25 +174,19 @@ impl ReceiversPass {
         origin: DVec3,
         receivers: &Receivers,
     ) {
-        let params = uniform(
-            device,
-            LABEL,
-            &ReceiversParams::new(gbuffer, camera, origin),
-        );
-        let group = binding::group(
-            device,
-            LABEL,
-            &self.layout,
-            &[
-                (0, whole(&params)),
-                (1, view(&gbuffer.depth.read())),
-                (2, view(&gbuffer.normal.read())),
-                (3, view(&receivers.view)),
-            ],
-        );
+        let params = ReceiversParams::new(gbuffer, camera, origin);
+        let (parameters, params) = self.uniforms.upload_one(device, encoder, &params);
+        let [depth, normal] = [gbuffer.depth, gbuffer.normal].map(|slice| slice.read());
+        let resources = [
+            ("params", parameters.at(params)),
+            ("depth_texture", view(&depth)),
+            ("normal_texture", view(&normal)),
+            ("receivers", view(&receivers.view)),
+        ];
+        let group = self.layout.group(device, &resources);
         let mut pass = compute_pass(encoder, LABEL, None);
         pass.set_pipeline(&self.prepare);
-        pass.set_bind_group(0, &group, &[]);
+        pass.set_bind_group(0, &group.raw, &group.offsets);
         pass.dispatch_workgroups(
             receivers.size[0].div_ceil(8),
             receivers.size[1].div_ceil(8),
@@ -200,19 +198,21 @@ impl ReceiversPass {
 /// The pipelines for listed pixels of a sub-image.
 #[derive(Debug)]
 pub(crate) struct ListedReceiversPass {
-    layout: wgpu::BindGroupLayout,
+    layout: Layout,
     erase: ComputePipeline,
     prepare: ComputePipeline,
+    uniforms: Uniforms,
 }
 
 impl ListedReceiversPass {
     pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
-        let layout = layout(device, true);
         let module = shader::create(device, LABEL, source(true)?);
+        let layout = module.layout(device, &["erase", "prepare"]);
         Ok(Self {
             erase: kernel(device, &module, &layout, "erase", cache),
             prepare: kernel(device, &module, &layout, "prepare", cache),
             layout,
+            uniforms: Uniforms::new(LABEL),
         })
     }
 
@@ -231,21 +231,18 @@ impl ListedReceiversPass {
             level: work.level,
             padding: [0; 3],
         };
-        let params = uniform(device, LABEL, &params);
-        let group = binding::group(
-            device,
-            LABEL,
-            &self.layout,
-            &[
-                (0, whole(&params)),
-                (1, view(&gbuffer.depth.read())),
-                (2, view(&gbuffer.normal.read())),
-                (3, view(&receivers.view)),
-                (4, work.list(camera.viewport())),
-            ],
-        );
+        let (parameters, params) = self.uniforms.upload_one(device, encoder, &params);
+        let [depth, normal] = [gbuffer.depth, gbuffer.normal].map(|slice| slice.read());
+        let resources = [
+            ("params", parameters.at(params)),
+            ("depth_texture", view(&depth)),
+            ("normal_texture", view(&normal)),
+            ("receivers", view(&receivers.view)),
+            ("work", work.list(camera.viewport())),
+        ];
+        let group = self.layout.group(device, &resources);
         let mut pass = compute_pass(encoder, LABEL, None);
-        pass.set_bind_group(0, &group, &[]);
+        pass.set_bind_group(0, &group.raw, &group.offsets);
         pass.set_pipeline(&self.erase);
         pass.dispatch_workgroups(
             receivers.size[0].div_ceil(8),
@@ -257,20 +254,6 @@ impl ListedReceiversPass {
     }
 }
 
-fn layout(device: &Device, listed: bool) -> wgpu::BindGroupLayout {
-    let mut entries = vec![
-        (0, UNIFORM),
-        (1, FLOAT_2D),
-        (2, FLOAT_2D),
-        (
-            3,
-            binding::store(TextureFormat::Rgba32Uint, TextureViewDimension::D2),
-        ),
-    ];
-    entries.extend(listed.then_some((4, READ)));
-    binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries)
-}
-
 /// The module for all pixels, or for listed ones.
 fn source(listed: bool) -> Result<String, Error> {
     let flags: &[&str] = if listed { &["LIST"] } else { &[] };
@@ -279,8 +262,8 @@ fn source(listed: bool) -> Result<String, Error> {
 
 fn kernel(
     device: &Device,
-    module: &wgpu::ShaderModule,
-    layout: &wgpu::BindGroupLayout,
+    module: &Shader,
+    layout: &Layout,
     entry: &str,
     cache: Option<&PipelineCache>,
 ) -> ComputePipeline {
@@ -288,7 +271,7 @@ fn kernel(
         label: LABEL,
         module,
         entry,
-        layouts: &[layout],
+        layouts: &[&layout.raw],
         constants: &[],
         cache,
     }

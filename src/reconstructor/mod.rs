@@ -4,8 +4,8 @@ pub(crate) mod params;
 pub(crate) mod settings;
 
 use wgpu::{
-    BindingType, CommandEncoder, ComputePipeline, Device, PipelineCache, RenderPipeline,
-    ShaderStages, TextureFormat, TextureView, TextureViewDimension,
+    CommandEncoder, ComputePipeline, Device, PipelineCache, RenderPipeline, TextureFormat,
+    TextureView, TextureViewDimension,
 };
 
 use self::{params::ReconstructorParams, settings::ReconstructorSettings};
@@ -16,10 +16,11 @@ use crate::{
     gbuffer::GBuffer,
     gpu::{
         Kernel, Timestamps,
-        binding::{self, FLOAT_2D, FLOAT_ARRAY, UINT_2D, UNIFORM, view, whole},
+        binding::{Kept, Layout, view},
         check_timestamps, first_pass,
         screen::{self, Screen},
-        shader, uniform,
+        shader,
+        uniforms::Uniforms,
     },
     receivers::{plane, plane_bytes},
     shaders::Listing,
@@ -42,12 +43,13 @@ const LABEL: &str = "deep-screen-space reconstructor";
 pub struct Reconstructor {
     effect: Effect,
     target: TextureFormat,
-    smooth_layout: wgpu::BindGroupLayout,
+    smooth_layout: Layout,
     /// Without and with smoothed levels.
-    reconstruct_layouts: [wgpu::BindGroupLayout; 2],
+    reconstruct_layouts: [Layout; 2],
     smooth_rows: ComputePipeline,
     smooth_columns: ComputePipeline,
     reconstruct: [RenderPipeline; 2],
+    uniforms: Uniforms,
 }
 
 /// What a [`Reconstructor`] needs for a view with more than one level.
@@ -57,6 +59,7 @@ pub struct ReconstructorView {
     levels: u32,
     format: TextureFormat,
     scratch: Option<Scratch>,
+    kept: Kept,
 }
 
 #[derive(Debug)]
@@ -124,26 +127,18 @@ impl Reconstructor {
     ) -> Result<Self, Error> {
         effect.check()?;
         screen::check_format(device, "Reconstructor target", target)?;
-        let format = effect.sum_format();
-        let smooth_layout = binding::layout(
-            device,
-            LABEL,
-            ShaderStages::COMPUTE,
-            &[
-                (0, UNIFORM),
-                (1, UINT_2D),
-                (2, FLOAT_ARRAY),
-                (3, binding::store(format, TextureViewDimension::D2Array)),
-            ],
-        );
-        let smooth_module =
-            shader::create(device, LABEL, source(effect, ReconstructorVariant::Smooth)?);
+        let module = |variant| -> Result<_, Error> {
+            let source = source(effect, variant)?;
+            Ok(shader::create_with(device, LABEL, source, &effect.source))
+        };
+        let smooth_module = module(ReconstructorVariant::Smooth)?;
+        let smooth_layout = smooth_module.layout(device, &["smooth_rows", "smooth_columns"]);
         let smooth = |entry| {
             Kernel {
                 label: LABEL,
                 module: &smooth_module,
                 entry,
-                layouts: &[&smooth_layout],
+                layouts: &[&smooth_layout.raw],
                 constants: &[],
                 cache,
             }
@@ -152,27 +147,19 @@ impl Reconstructor {
         let (smooth_rows, smooth_columns) = (smooth("smooth_rows"), smooth("smooth_columns"));
 
         let variants = [false, true].map(|smoothed| {
-            let mut entries: Vec<(u32, BindingType)> =
-                vec![(0, UNIFORM), (1, UINT_2D), (2, FLOAT_ARRAY)];
-            entries.extend(smoothed.then_some((3, FLOAT_ARRAY)));
-            entries.extend(effect.albedo.then_some((4, FLOAT_2D)));
-            let layout = binding::layout(device, LABEL, ShaderStages::FRAGMENT, &entries);
-            let module = shader::create(
-                device,
-                LABEL,
-                source(effect, ReconstructorVariant::Reconstruct { smoothed })?,
-            );
+            let module = module(ReconstructorVariant::Reconstruct { smoothed })?;
+            let layout = module.layout(device, &["reconstruct"]);
             let pipeline = Screen {
                 label: LABEL,
                 module: &module,
                 entry: "reconstruct",
-                layout: &layout,
+                layout: &layout.raw,
                 constants: &effect.overrides(),
                 target,
                 cache,
             }
             .create(device);
-            Ok((layout, pipeline))
+            Ok::<_, Error>((layout, pipeline))
         });
         let [plain, smoothed] = variants;
         let ((plain_layout, plain), (smoothed_layout, smoothed)) = (plain?, smoothed?);
@@ -184,6 +171,7 @@ impl Reconstructor {
             smooth_rows,
             smooth_columns,
             reconstruct: [plain, smoothed],
+            uniforms: Uniforms::new(LABEL),
         })
     }
 
@@ -218,6 +206,7 @@ impl Reconstructor {
             levels,
             format,
             scratch,
+            kept: Kept::default(),
         })
     }
 
@@ -239,40 +228,46 @@ impl Reconstructor {
         check_timestamps(input.timestamps)?;
         let (splatted, viewport) = self.check(input, scratch)?;
         let params = ReconstructorParams::new(settings, &splatted);
-        let params = uniform(device, LABEL, &params);
+        let (parameters, params) = self.uniforms.upload_one(device, encoder, &params);
+        let mut groups = scratch.kept.groups(device);
         let smoothing = scratch.scratch.as_ref().filter(|_| splatted.levels > 1);
-        let shared = [(0, whole(&params)), (1, view(&input.sums.receivers.view))];
+        let shared = [
+            ("params", parameters.at(params)),
+            ("receivers", view(&input.sums.receivers.view)),
+        ];
 
         if let Some(scratch) = smoothing {
-            let group = |from, to| {
+            let mut group = |from, to| {
                 let mut resources = shared.to_vec();
-                resources.extend([(2, view(from)), (3, view(to))]);
-                binding::group(device, LABEL, &self.smooth_layout, &resources)
+                resources.extend([("sums", view(from)), ("means", view(to))]);
+                groups.next(&self.smooth_layout, &resources)
             };
+            let rows = group(input.sums.sums(), &scratch.rows);
+            let columns = group(&scratch.rows, &scratch.total);
             let mut pass = first_pass(encoder, LABEL, input.timestamps);
             // A thread takes four pixels along the filter, a workgroup 8 x 8 threads.
             let Viewport { width, height, .. } = viewport;
             pass.set_pipeline(&self.smooth_rows);
-            pass.set_bind_group(0, &group(input.sums.sums(), &scratch.rows), &[]);
+            pass.set_bind_group(0, &rows.raw, &rows.offsets);
             pass.dispatch_workgroups(width.div_ceil(32), height.div_ceil(8), splatted.levels - 1);
             pass.set_pipeline(&self.smooth_columns);
-            pass.set_bind_group(0, &group(&scratch.rows, &scratch.total), &[]);
+            pass.set_bind_group(0, &columns.raw, &columns.offsets);
             pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(32), 1);
         }
 
         let smoothed = usize::from(smoothing.is_some());
         let mut resources = shared.to_vec();
-        resources.push((2, view(input.sums.sums())));
-        resources.extend(smoothing.map(|scratch| (3, view(&scratch.total))));
+        resources.push(("sums", view(input.sums.sums())));
+        resources.extend(smoothing.map(|scratch| ("means", view(&scratch.total))));
         let albedo = input.gbuffer.albedo.filter(|_| self.effect.albedo);
         let albedo = albedo.map(|slice| slice.read());
-        resources.extend(albedo.as_ref().map(|albedo| (4, view(albedo))));
-        let group = binding::group(
-            device,
-            LABEL,
-            &self.reconstruct_layouts[smoothed],
-            &resources,
-        );
+        let layout = &self.reconstruct_layouts[smoothed];
+        let group = if let Some(albedo) = &albedo {
+            resources.push(("albedo_texture", view(albedo)));
+            layout.group(device, &resources)
+        } else {
+            groups.next(layout, &resources)
+        };
         screen::draw(
             encoder,
             LABEL,

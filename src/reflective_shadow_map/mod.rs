@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
-use wgpu::{BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache, ShaderStages};
+use wgpu::{BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache};
 
 use crate::{
     camera::{Camera, CameraParams},
@@ -13,8 +13,9 @@ use crate::{
     gbuffer::GBuffer,
     gpu::{
         Kernel, Timestamps,
-        binding::{self, FLOAT_2D, UINT_2D, UNIFORM, WRITE, view, whole},
-        check_timestamps, compute_pass, shader, storage, uniform,
+        binding::{Layout, view, whole},
+        check_timestamps, compute_pass, shader, storage,
+        uniforms::Uniforms,
     },
     light::{Light, LightParams},
     receivers::{Receivers, ReceiversPass},
@@ -31,9 +32,10 @@ const LABEL: &str = "deep-screen-space reflective shadow map";
 /// [`Gatherer::bind_map`](crate::Gatherer::bind_map). 16 × 16 texels are a usual size.
 #[derive(Debug)]
 pub struct ReflectiveShadowMap {
-    layout: wgpu::BindGroupLayout,
+    layout: Layout,
     receivers: ReceiversPass,
     kernel: ComputePipeline,
+    uniforms: Uniforms,
 }
 
 /// The lights of one map.
@@ -83,18 +85,14 @@ impl ReflectiveShadowMap {
     /// # Errors
     /// None today.
     pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
-        let layout = binding::layout(
-            device,
-            LABEL,
-            ShaderStages::COMPUTE,
-            &[(0, UNIFORM), (1, UINT_2D), (2, FLOAT_2D), (3, WRITE)],
-        );
         let source = shader::assemble("reflective_shadow_map", SOURCE, &[], &[])?;
+        let module = shader::create(device, LABEL, source);
+        let layout = module.layout(device, &["texel_to_light"]);
         let kernel = Kernel {
             label: LABEL,
-            module: &shader::create(device, LABEL, source),
+            module: &module,
             entry: "texel_to_light",
-            layouts: &[&layout],
+            layouts: &[&layout.raw],
             constants: &[],
             cache,
         }
@@ -103,6 +101,7 @@ impl ReflectiveShadowMap {
             layout,
             receivers: ReceiversPass::new(device, cache)?,
             kernel,
+            uniforms: Uniforms::new(LABEL),
         })
     }
 
@@ -178,28 +177,22 @@ impl ReflectiveShadowMap {
             input.origin,
             &map.receivers,
         );
-        let params = uniform(
-            device,
-            LABEL,
-            &ReflectiveShadowMapParams {
-                camera: input.camera.params(input.origin),
-                light: LightParams::new(&input.light, input.origin),
-            },
-        );
-        let group = binding::group(
-            device,
-            LABEL,
-            &self.layout,
-            &[
-                (0, whole(&params)),
-                (1, view(&map.receivers.view)),
-                (2, view(&albedo.read())),
-                (3, whole(&map.lights)),
-            ],
-        );
+        let params = ReflectiveShadowMapParams {
+            camera: input.camera.params(input.origin),
+            light: LightParams::new(&input.light, input.origin),
+        };
+        let (parameters, params) = self.uniforms.upload_one(device, encoder, &params);
+        let albedo = albedo.read();
+        let resources = [
+            ("params", parameters.at(params)),
+            ("receivers", view(&map.receivers.view)),
+            ("albedo_texture", view(&albedo)),
+            ("lights", whole(&map.lights)),
+        ];
+        let group = self.layout.group(device, &resources);
         let mut pass = compute_pass(encoder, LABEL, input.timestamps);
         pass.set_pipeline(&self.kernel);
-        pass.set_bind_group(0, &group, &[]);
+        pass.set_bind_group(0, &group.raw, &group.offsets);
         pass.dispatch_workgroups(size[0].div_ceil(8), size[1].div_ceil(8), 1);
         Ok(())
     }

@@ -4,20 +4,14 @@
 pub(crate) mod params;
 pub(crate) mod settings;
 
-use wgpu::{
-    CommandEncoder, Device, PipelineCache, TextureFormat, TextureUsages, TextureViewDimension,
-};
+use wgpu::{CommandEncoder, Device, PipelineCache, TextureFormat, TextureUsages};
 
 use self::{params::ScreenSpaceGiParams, settings::ScreenSpaceGiSettings};
 use crate::{
     camera::Camera,
     error::Error,
     gbuffer::{GBuffer, samples_as_float},
-    gpu::{
-        Timestamps,
-        binding::{self, FLOAT_2D, UNIFORM, view, whole},
-        check_timestamps, shader, uniform,
-    },
+    gpu::{Timestamps, binding::view, check_timestamps, shader, uniforms::Uniforms},
     shaders::Listing,
     texture_slice::{TextureSlice, check_apart, check_slice},
     work::{PixelList, WorkKernel, WorkKernelDescriptor, check_work},
@@ -38,6 +32,7 @@ const LABEL: &str = "deep-screen-space screen-space gi";
 #[derive(Debug)]
 pub struct ScreenSpaceGi {
     kernel: WorkKernel,
+    uniforms: Uniforms,
 }
 
 /// What one recording of [`ScreenSpaceGi`] works on.
@@ -69,22 +64,12 @@ impl ScreenSpaceGi {
         let kernel = WorkKernelDescriptor {
             label: LABEL,
             entry: "bounce",
-            entries: &[
-                (0, UNIFORM),
-                (1, FLOAT_2D),
-                (2, FLOAT_2D),
-                (3, FLOAT_2D),
-                (
-                    4,
-                    binding::store(TextureFormat::Rgba16Float, TextureViewDimension::D2),
-                ),
-            ],
-            list: 5,
             constants: &[],
             cache,
         };
         Ok(Self {
             kernel: WorkKernel::new(device, &kernel, source)?,
+            uniforms: Uniforms::new(LABEL),
         })
     }
 
@@ -126,20 +111,17 @@ impl ScreenSpaceGi {
         let lit = (LIT, input.lit, 1);
         let reads = input.gbuffer.reads().chain([lit]);
         check_apart("ScreenSpaceGiInput::target", &input.target, reads)?;
-        let params = uniform(
-            device,
-            LABEL,
-            &ScreenSpaceGiParams::new(input, settings, level),
-        );
+        let params = ScreenSpaceGiParams::new(input, settings, level);
+        let (parameters, params) = self.uniforms.upload_one(device, encoder, &params);
         let [depth, normal, lit] =
             [input.gbuffer.depth, input.gbuffer.normal, input.lit].map(|slice| slice.read());
         let target = input.target.view(TextureUsages::STORAGE_BINDING);
         let resources = vec![
-            (0, whole(&params)),
-            (1, view(&depth)),
-            (2, view(&normal)),
-            (3, view(&lit)),
-            (4, view(&target)),
+            ("params", parameters.at(params)),
+            ("depth_texture", view(&depth)),
+            ("normal_texture", view(&normal)),
+            ("lit", view(&lit)),
+            ("result", view(&target)),
         ];
         self.kernel
             .record(device, encoder, resources, work, viewport, input.timestamps);

@@ -1,6 +1,9 @@
 //! How light is gathered at a point: a piece of WGSL and what it needs bound.
 
-use std::{borrow::Cow, sync::Arc};
+use std::{
+    borrow::Cow,
+    sync::{Arc, LazyLock},
+};
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
@@ -10,7 +13,8 @@ use super::bound::{GathererBinding, Origin, check_origin};
 use crate::{
     error::Error,
     gpu::{
-        binding::{self, READ, whole},
+        binding::{self, whole},
+        interface::Interface,
         made,
     },
     light::{Light, LightParams},
@@ -48,6 +52,10 @@ pub struct Gatherer {
 pub(crate) const POLYGONS: &str = include_str!("../../wgsl/gatherers/polygons.wgsl");
 pub(crate) const LIGHTS: &str = include_str!("../../wgsl/gatherers/lights.wgsl");
 
+/// What they bind.
+static POLYGONS_INTERFACE: LazyLock<Interface> = LazyLock::new(|| Interface::of(POLYGONS));
+static LIGHTS_INTERFACE: LazyLock<Interface> = LazyLock::new(|| Interface::of(LIGHTS));
+
 /// A triangle that sends light from its front side, from which its corners run counter-clockwise. 48 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -67,12 +75,17 @@ pub struct PolygonLight {
 }
 
 impl Gatherer {
-    fn built_in(device: &Device, label: &'static str, source: &'static str) -> Self {
+    pub(super) fn built_in(
+        device: &Device,
+        label: &'static str,
+        source: &'static str,
+        interface: &Interface,
+    ) -> Self {
         let stages = ShaderStages::COMPUTE | ShaderStages::FRAGMENT;
         Self {
             label: label.into(),
             source: source.into(),
-            layout: Some(binding::layout(device, LABEL, stages, &[(0, READ)])),
+            layout: Some(binding::layout_of_piece(device, LABEL, interface, stages)),
             constants: Vec::new(),
         }
     }
@@ -80,12 +93,12 @@ impl Gatherer {
     /// Triangles as lights, without shadows, by the polygon-to-point form factor (Baum, Rushmeier and Winget, *Improving
     /// Radiosity Solutions Through the Use of Analytically Determined Form-Factors*, 1989).
     pub fn polygons(device: &Device) -> Self {
-        Self::built_in(device, "polygons", POLYGONS)
+        Self::built_in(device, "polygons", POLYGONS, &POLYGONS_INTERFACE)
     }
 
     /// [`Light`]s without shadows.
     pub fn lights(device: &Device) -> Self {
-        Self::built_in(device, "lights", LIGHTS)
+        Self::built_in(device, "lights", LIGHTS, &LIGHTS_INTERFACE)
     }
 
     /// What [`Gatherer::polygons`] binds: a storage buffer full of [`PolygonLight`]s, at least one of them.
@@ -100,8 +113,9 @@ impl Gatherer {
     ) -> Result<GathererBinding, Error> {
         self.check_kind(POLYGONS, "Gatherer::polygons")?;
         binding::check_table::<PolygonLight>(device, "PolygonLight", lights)?;
-        let resources = [(0, binding::table::<PolygonLight>(lights))];
-        self.bound(device, &binding::entries(&resources), Origin::Unknown, None)
+        let resources = [("polygon_lights", binding::table::<PolygonLight>(lights))];
+        let entries = binding::entries(&POLYGONS_INTERFACE, &resources);
+        self.bound(device, &entries, Origin::Unknown, None)
     }
 
     /// The lights of a reflective shadow map, as [`Gatherer::polygons`] binds them. One binding serves all recordings of the
@@ -115,9 +129,10 @@ impl Gatherer {
         map: &ReflectiveShadowMapView,
     ) -> Result<GathererBinding, Error> {
         self.check_kind(POLYGONS, "Gatherer::polygons")?;
-        let resources = [(0, whole(map.lights()))];
+        let resources = [("polygon_lights", whole(map.lights()))];
         let origin = Origin::Map(Arc::clone(&map.recorded));
-        self.bound(device, &binding::entries(&resources), origin, None)
+        let entries = binding::entries(&POLYGONS_INTERFACE, &resources);
+        self.bound(device, &entries, origin, None)
     }
 
     /// What [`Gatherer::lights`] binds. No light is valid.
@@ -149,12 +164,8 @@ impl Gatherer {
                 usage: BufferUsages::STORAGE,
             },
         );
-        let resources = [(0, whole(&buffer))];
-        self.bound(
-            device,
-            &binding::entries(&resources),
-            Origin::At(origin),
-            None,
-        )
+        let resources = [("gathered_lights", whole(&buffer))];
+        let entries = binding::entries(&LIGHTS_INTERFACE, &resources);
+        self.bound(device, &entries, Origin::At(origin), None)
     }
 }

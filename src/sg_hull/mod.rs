@@ -1,7 +1,6 @@
 //! Light gathered on a sparse hull of what is seen (Meder and Brüderlin, *Screen Space Approximate Gaussian Hulls*, 2018;
 //! `wgsl/sg_hull*.wgsl`).
 
-mod bindings;
 pub(crate) mod bound;
 pub(crate) mod gatherer;
 pub(crate) mod modules;
@@ -39,7 +38,7 @@ use crate::{
     camera::Camera,
     error::Error,
     gbuffer::GBuffer,
-    gpu::{Timestamps, first_pass, screen},
+    gpu::{Timestamps, first_pass, screen, uniforms::Uniforms},
     overrides::check_constants,
     receivers::ReceiversPass,
     texture_slice::TextureSlice,
@@ -92,6 +91,7 @@ pub struct SgHull {
     source: Cow<'static, str>,
     bound: bool,
     receivers: ReceiversPass,
+    uniforms: Uniforms,
     plans: Plans,
     stages: Stages,
     /// Without gloss.
@@ -167,6 +167,7 @@ impl SgHull {
             source: gatherer.source.clone(),
             bound: gatherer.layout.is_some(),
             receivers: ReceiversPass::new(device, cache)?,
+            uniforms: Uniforms::new(LABEL),
             plans: Plans::new(&make)?,
             stages: Stages::new(&make, &gather)?,
             splitter: splitter.transpose()?,

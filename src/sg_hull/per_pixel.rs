@@ -2,88 +2,66 @@
 
 use std::mem::offset_of;
 
-use wgpu::{
-    ComputePass, ComputePipeline, PrimitiveTopology, RenderPass, RenderPipeline, ShaderStages,
-};
+use wgpu::{ComputePass, ComputePipeline, PrimitiveTopology, RenderPass, RenderPipeline};
 
 use super::{
-    bindings::{
-        Bindings,
-        Resource::{self, Counts, Params, Receivers},
-        surface,
-    },
     modules::HullStage,
     params::SgHullCounts,
     pipelines::Maker,
     plan::{Plan, Planned},
     recording::Recording,
 };
-use crate::{
-    error::Error,
-    gpu::binding::{READ, UINT_2D, UNIFORM, WRITE},
-};
+use crate::{error::Error, gpu::binding::Layout};
 
 /// Its pipelines, each after what it binds.
 #[derive(Debug)]
 pub(super) struct PerPixel {
-    pixels_bindings: Bindings,
+    pixels_layout: Layout,
     pixels: ComputePipeline,
-    points_bindings: Bindings,
+    points_layout: Layout,
     points: RenderPipeline,
-    cover_bindings: Bindings,
+    cover_layout: Layout,
     cover: RenderPipeline,
 }
 
 impl PerPixel {
     pub fn new(make: &Maker<'_>) -> Result<Self, Error> {
-        let mut pixels = vec![
-            (0, Params, UNIFORM),
-            (1, Receivers, UINT_2D),
-            (2, Counts, READ),
-            (3, Resource::PerPixel, WRITE),
-        ];
-        let mut points = vec![(0, Params, UNIFORM), (4, Resource::PerPixel, READ)];
-        // Points are drawn with irradiance, or with what is reflected where that is more than albedo times irradiance.
-        if make.variant.glossy {
-            pixels.extend(surface(make.variant));
-        } else {
-            points.extend(surface(make.variant));
-        }
-        let mut cover = vec![(0, Params, UNIFORM), (1, Receivers, UINT_2D)];
-        cover.extend(surface(make.variant));
-        let cover_bindings = make.bindings(ShaderStages::FRAGMENT, &cover);
-        let pixels_bindings = make.bindings(ShaderStages::COMPUTE, &pixels);
-        let points_bindings = make.bindings(ShaderStages::VERTEX_FRAGMENT, &points);
         let module = make.module(HullStage::PerPixel)?;
+        // Points are drawn with irradiance, or with what is reflected where that is more than albedo times irradiance.
+        let layout = |entries: &[&str]| module.layout(make.device, entries);
+        let pixels_layout = layout(&["gather_pixels"]);
+        let points_layout = layout(&["point", "draw_point"]);
+        let cover_layout = layout(&["cover", "per_pixel"]);
         Ok(Self {
-            pixels: make.gathering_kernel(&module, "gather_pixels", &pixels_bindings),
+            pixels: make.gathering_kernel(&module, "gather_pixels", &pixels_layout),
             points: make.drawing(
                 &module,
                 ["point", "draw_point"],
                 PrimitiveTopology::PointList,
-                &points_bindings,
+                &points_layout,
             ),
             cover: make.gathering_drawing(
                 &module,
                 ["cover", "per_pixel"],
                 PrimitiveTopology::TriangleList,
-                &cover_bindings,
+                &cover_layout,
             ),
-            pixels_bindings,
-            points_bindings,
-            cover_bindings,
+            pixels_layout,
+            points_layout,
+            cover_layout,
         })
     }
 
     /// Gathers light at the listed pixels.
-    pub fn gather(&self, pass: &mut ComputePass<'_>, planned: &Planned<'_>) {
-        let pixels = self.pixels_bindings.group(planned.recording);
+    pub fn gather(&self, pass: &mut ComputePass<'_>, planned: &Planned<'_, '_>) {
+        let pixels = planned.recording.group(&self.pixels_layout);
         planned.run(pass, Plan::Pixels, &[(&self.pixels, &pixels)]);
     }
 
     /// Draws the listed pixels.
     pub fn draw_points(&self, pass: &mut RenderPass<'_>, recording: &Recording<'_>) {
-        pass.set_bind_group(0, &self.points_bindings.group(recording), &[]);
+        let group = recording.group(&self.points_layout);
+        pass.set_bind_group(0, &group.raw, &group.offsets);
         pass.set_pipeline(&self.points);
         pass.draw_indirect(
             &recording.hull.counts,
@@ -94,7 +72,8 @@ impl PerPixel {
     /// Draws every pixel, with light gathered for it.
     pub fn draw_all(&self, pass: &mut RenderPass<'_>, recording: &Recording<'_>) {
         pass.set_pipeline(&self.cover);
-        pass.set_bind_group(0, &self.cover_bindings.group(recording), &[]);
+        let group = recording.group(&self.cover_layout);
+        pass.set_bind_group(0, &group.raw, &group.offsets);
         if let Some(lights) = recording.input.gather {
             pass.set_bind_group(1, &lights.group, &[]);
         }

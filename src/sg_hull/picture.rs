@@ -2,28 +2,15 @@
 
 use std::mem::offset_of;
 
-use wgpu::{PrimitiveTopology, RenderPass, RenderPipeline, ShaderStages};
+use wgpu::{PrimitiveTopology, RenderPass, RenderPipeline};
 
-use super::{
-    bindings::{
-        Bindings,
-        Resource::{Counts, Params, Parts, Receivers, SegmentOf, Segments, Vertices},
-        surface,
-    },
-    modules::HullStage,
-    params::SgHullCounts,
-    pipelines::Maker,
-    recording::Recording,
-};
-use crate::{
-    error::Error,
-    gpu::binding::{READ, UINT_2D, UNIFORM},
-};
+use super::{modules::HullStage, params::SgHullCounts, pipelines::Maker, recording::Recording};
+use crate::{error::Error, gpu::binding::Layout};
 
 /// Its pipelines.
 #[derive(Debug)]
 pub(super) struct Picture {
-    bindings: Bindings,
+    layout: Layout,
     clear_sky: RenderPipeline,
     shade: RenderPipeline,
     shade_flat: RenderPipeline,
@@ -34,19 +21,19 @@ pub(super) struct Picture {
 impl Picture {
     pub fn new(make: &Maker<'_>) -> Result<Self, Error> {
         let glossy = make.variant.glossy;
-        let mut list = vec![
-            (0, Params, UNIFORM),
-            (1, Receivers, UINT_2D),
-            (2, SegmentOf, READ),
-            (3, Segments, READ),
-            (4, Counts, READ),
-            (5, Vertices, READ),
-        ];
-        list.extend(surface(make.variant));
-        list.extend((!glossy).then_some((8, Parts, READ)));
-        let bindings = make.bindings(ShaderStages::VERTEX_FRAGMENT, &list);
         let module = make.module(HullStage::Shade)?;
-        let draw = |entries, topology| make.drawing(&module, entries, topology, &bindings);
+        let layout = module.layout(
+            make.device,
+            &[
+                "clear_sky",
+                "corner",
+                "shade",
+                "flat_corner",
+                "part_corner",
+                "shade_flat",
+            ],
+        );
+        let draw = |entries, topology| make.drawing(&module, entries, topology, &layout);
         let (strip, triangles) = (
             PrimitiveTopology::TriangleStrip,
             PrimitiveTopology::TriangleList,
@@ -56,14 +43,15 @@ impl Picture {
             shade: draw(["corner", "shade"], strip),
             shade_flat: draw(["flat_corner", "shade_flat"], strip),
             parts: (!glossy).then(|| draw(["part_corner", "shade_flat"], strip)),
-            bindings,
+            layout,
         })
     }
 
     /// Draws it: with the parts of quads where they were split.
     pub fn draw(&self, pass: &mut RenderPass<'_>, recording: &Recording<'_>, split: bool) {
         let counts = &recording.hull.counts;
-        pass.set_bind_group(0, &self.bindings.group(recording), &[]);
+        let group = recording.group(&self.layout);
+        pass.set_bind_group(0, &group.raw, &group.offsets);
         pass.set_pipeline(&self.clear_sky);
         pass.draw(0..3, 0..1);
         for pipeline in [&self.shade, &self.shade_flat] {

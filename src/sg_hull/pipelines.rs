@@ -1,18 +1,19 @@
 //! How modules, layouts and pipelines are made from a descriptor.
 
-use wgpu::{
-    BindGroupLayout, ComputePipeline, Device, PrimitiveTopology, RenderPipeline, ShaderModule,
-    ShaderStages,
-};
+use wgpu::{BindGroupLayout, ComputePipeline, Device, PrimitiveTopology, RenderPipeline};
 
 use super::{
     LABEL, SgHullDescriptor,
-    bindings::{Binding, Bindings},
     modules::{HullStage, HullVariant, source},
 };
 use crate::{
     error::Error,
-    gpu::{Kernel, screen, shader},
+    gpu::{
+        Kernel,
+        binding::Layout,
+        screen,
+        shader::{self, Shader},
+    },
 };
 
 /// What makes them, on one device.
@@ -38,68 +39,65 @@ impl<'a> Maker<'a> {
         }
     }
 
-    pub fn module(&self, stage: HullStage) -> Result<ShaderModule, Error> {
-        let source = source(&self.descriptor.gatherer.source, stage, self.variant)?;
-        Ok(shader::create(self.device, LABEL, source))
-    }
-
-    pub fn bindings(&self, visibility: ShaderStages, list: &[Binding]) -> Bindings {
-        Bindings::new(self.device, visibility, list)
+    pub fn module(&self, stage: HullStage) -> Result<Shader, Error> {
+        let gatherer = &self.descriptor.gatherer.source;
+        let source = source(gatherer, stage, self.variant)?;
+        Ok(shader::create_with(self.device, LABEL, source, gatherer))
     }
 
     pub fn kernel(
         &self,
-        module: &ShaderModule,
+        module: &Shader,
         entry: &str,
-        bindings: &Bindings,
+        layout: &Layout,
         constants: &[(&str, f64)],
     ) -> ComputePipeline {
-        self.compute(module, entry, &[&bindings.layout], constants)
+        self.compute(module, entry, &[&layout.raw], constants)
     }
 
     /// One that gathers.
     pub fn gathering_kernel(
         &self,
-        module: &ShaderModule,
+        module: &Shader,
         entry: &str,
-        bindings: &Bindings,
+        layout: &Layout,
     ) -> ComputePipeline {
-        let layouts = self.with_gatherer(bindings);
+        let layouts = self.with_gatherer(layout);
         self.compute(module, entry, &layouts, &self.constants)
     }
 
     /// A pipeline of a vertex and a fragment shader.
     pub fn drawing(
         &self,
-        module: &ShaderModule,
+        module: &Shader,
         entries: [&str; 2],
         topology: PrimitiveTopology,
-        bindings: &Bindings,
+        layout: &Layout,
     ) -> RenderPipeline {
-        self.draw(module, entries, topology, &[&bindings.layout], &[])
+        self.draw(module, entries, topology, &[&layout.raw], &[])
     }
 
     /// One whose fragments gather.
     pub fn gathering_drawing(
         &self,
-        module: &ShaderModule,
+        module: &Shader,
         entries: [&str; 2],
         topology: PrimitiveTopology,
-        bindings: &Bindings,
+        layout: &Layout,
     ) -> RenderPipeline {
-        let layouts = self.with_gatherer(bindings);
+        let layouts = self.with_gatherer(layout);
         self.draw(module, entries, topology, &layouts, &self.constants)
     }
 
     /// The layouts of a pipeline that gathers.
-    fn with_gatherer<'b>(&'b self, bindings: &'b Bindings) -> Vec<&'b BindGroupLayout> {
+    fn with_gatherer<'b>(&'b self, layout: &'b Layout) -> Vec<&'b BindGroupLayout> {
         let gatherer = &self.descriptor.gatherer.layout;
-        [&bindings.layout].into_iter().chain(gatherer).collect()
+        [&layout.raw].into_iter().chain(gatherer).collect()
     }
 
     fn compute(
         &self,
-        module: &ShaderModule,
+        module: &Shader,
         entry: &str,
         layouts: &[&BindGroupLayout],
         constants: &[(&str, f64)],
@@ -117,7 +115,7 @@ impl<'a> Maker<'a> {
 
     fn draw(
         &self,
-        module: &ShaderModule,
+        module: &Shader,
         [vertex, fragment]: [&str; 2],
         topology: PrimitiveTopology,
         layouts: &[&BindGroupLayout],

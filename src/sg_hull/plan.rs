@@ -1,19 +1,11 @@
 //! Dispatches of as many workgroups as the GPU counted (`wgsl/sg_hull_plan.wgsl`).
 
-use wgpu::{BindGroup, ComputePass, ComputePipeline, ShaderStages};
+use wgpu::{ComputePass, ComputePipeline};
 
-use super::{
-    bindings::{
-        Bindings,
-        Resource::{Counts, Dispatch, Params},
-    },
-    modules::HullStage,
-    pipelines::Maker,
-    recording::Recording,
-};
+use super::{modules::HullStage, pipelines::Maker, recording::Recording};
 use crate::{
     error::Error,
-    gpu::binding::{UNIFORM, WRITE},
+    gpu::binding::{Group, Layout},
 };
 
 /// The kernels of `wgsl/sg_hull_plan.wgsl`, by what they plan.
@@ -55,57 +47,50 @@ impl Plan {
 /// All of them.
 #[derive(Debug)]
 pub(super) struct Plans {
-    bindings: Bindings,
+    layout: Layout,
     kernels: [ComputePipeline; 7],
 }
 
 impl Plans {
     pub fn new(make: &Maker<'_>) -> Result<Self, Error> {
         let module = make.module(HullStage::Plan)?;
-        let bindings = make.bindings(
-            ShaderStages::COMPUTE,
-            &[
-                (0, Params, UNIFORM),
-                (1, Counts, WRITE),
-                (2, Dispatch, WRITE),
-            ],
-        );
+        let layout = module.layout(make.device, &Plan::ALL.map(Plan::entry));
         Ok(Self {
-            kernels: Plan::ALL.map(|plan| make.kernel(&module, plan.entry(), &bindings, &[])),
-            bindings,
+            kernels: Plan::ALL.map(|plan| make.kernel(&module, plan.entry(), &layout, &[])),
+            layout,
         })
     }
 
-    pub fn of<'a>(&'a self, recording: &'a Recording<'a>) -> Planned<'a> {
+    pub fn of<'a, 'r>(&'a self, recording: &'a Recording<'r>) -> Planned<'a, 'r> {
         Planned {
             plans: self,
-            group: self.bindings.group(recording),
+            group: recording.group(&self.layout),
             recording,
         }
     }
 }
 
 /// The plans of one recording.
-pub(super) struct Planned<'a> {
+pub(super) struct Planned<'a, 'r> {
     plans: &'a Plans,
-    group: BindGroup,
-    pub recording: &'a Recording<'a>,
+    group: Group,
+    pub recording: &'a Recording<'r>,
 }
 
-impl Planned<'_> {
+impl Planned<'_, '_> {
     /// Plans, then runs each of the kernels as planned.
     pub fn run(
         &self,
         pass: &mut ComputePass<'_>,
         plan: Plan,
-        kernels: &[(&ComputePipeline, &BindGroup)],
+        kernels: &[(&ComputePipeline, &Group)],
     ) {
         pass.set_pipeline(&self.plans.kernels[plan as usize]);
-        pass.set_bind_group(0, &self.group, &[]);
+        pass.set_bind_group(0, &self.group.raw, &self.group.offsets);
         pass.dispatch_workgroups(1, 1, 1);
         for (kernel, group) in kernels {
             pass.set_pipeline(kernel);
-            pass.set_bind_group(0, *group, &[]);
+            pass.set_bind_group(0, &group.raw, &group.offsets);
             if let Some(lights) = self.recording.input.gather {
                 pass.set_bind_group(1, &lights.group, &[]);
             }

@@ -1,17 +1,20 @@
 //! One recording: what the caller gave, checked, and what stages bind of it.
 
-use wgpu::{BindingResource, Buffer, CommandEncoder, Device, TextureView};
+use std::cell::RefCell;
+
+use wgpu::{CommandEncoder, Device, TextureView};
 
 use super::{
-    LABEL, SgHull, SgHullInput, bindings::Resource, bound::check_origin, modules::HullVariant,
-    params::SgHullParams, settings::SgHullSettings, view::SgHullView,
+    SgHull, SgHullInput, bound::check_origin, modules::HullVariant, params::SgHullParams,
+    settings::SgHullSettings, view::SgHullView,
 };
 use crate::{
     error::Error,
     gbuffer::check_roughness,
     gpu::{
-        binding::{view, whole},
-        check_timestamps, screen, uniform,
+        binding::{Group, Groups, Layout, Resource, view, whole},
+        check_timestamps, screen,
+        uniforms::{Place, Uploaded},
     },
     texture_slice::{TextureSlice, check_apart},
 };
@@ -22,32 +25,51 @@ pub(super) struct Recording<'a> {
     pub input: &'a SgHullInput<'a>,
     pub settings: &'a SgHullSettings,
     pub hull: &'a SgHullView,
-    params: Buffer,
+    parameters: Uploaded,
+    params: Place,
+    /// Of stages that bind nothing of the caller's.
+    groups: RefCell<Groups<'a>>,
     /// Each where the hull reads it.
     albedo: Option<TextureView>,
     roughness: Option<TextureView>,
 }
 
 impl Recording<'_> {
-    /// What is bound as this. The textures are there for a hull that binds them.
-    pub fn resource(&self, resource: Resource) -> Option<BindingResource<'_>> {
+    /// What a stage binds, by the names that modules have for it.
+    pub fn group(&self, layout: &Layout) -> Group {
+        let named: Vec<_> = layout
+            .names()
+            .filter_map(|name| Some((name, self.resource(name)?)))
+            .collect();
+        let callers = ["albedo_texture", "roughness_texture"];
+        if layout.names().any(|name| callers.contains(&name)) {
+            layout.group(self.device, &named)
+        } else {
+            self.groups.borrow_mut().next(layout, &named)
+        }
+    }
+
+    /// The textures are there for a hull that binds them.
+    fn resource(&self, name: &str) -> Option<Resource<'_>> {
         let hull = self.hull;
-        let buffer = match resource {
-            Resource::Receivers => return Some(view(&hull.receivers.view)),
-            Resource::Albedo => return self.albedo.as_ref().map(view),
-            Resource::Roughness => return self.roughness.as_ref().map(view),
-            Resource::Params => &self.params,
-            Resource::SegmentOf => &hull.segment_of,
-            Resource::Others => &hull.others,
-            Resource::Segments => &hull.segments,
-            Resource::Vertices => &hull.vertices,
-            Resource::List => &hull.list,
-            Resource::Splits => &hull.splits,
-            Resource::Parts => &hull.parts,
-            Resource::Rejected => &hull.rejected,
-            Resource::PerPixel => &hull.per_pixel,
-            Resource::Counts => &hull.counts,
-            Resource::Dispatch => &hull.dispatch,
+        let buffer = match name {
+            "params" => return Some(self.parameters.at(self.params)),
+            "receivers" => return Some(view(&hull.receivers.view)),
+            "albedo_texture" => return self.albedo.as_ref().map(view),
+            "roughness_texture" => return self.roughness.as_ref().map(view),
+            "segment_of" => &hull.segment_of,
+            "others" => &hull.others,
+            "segments" => &hull.segments,
+            "vertices" => &hull.vertices,
+            "list" => &hull.list,
+            "splits" => &hull.splits,
+            "parts" => &hull.parts,
+            "rejected" => &hull.rejected,
+            // Listed, written and drawn.
+            "per_pixel" | "pixels" | "gathered" => &hull.per_pixel,
+            "counters" => &hull.counts,
+            "dispatch" => &hull.dispatch,
+            _ => return None,
         };
         Some(whole(buffer))
     }
@@ -80,12 +102,15 @@ impl SgHull {
         let params =
             SgHullParams::new(settings, &hull.size, input.camera, input.origin, split_room);
         let albedo = input.gbuffer.albedo.filter(|_| self.variant.albedo);
+        let (parameters, params) = self.uniforms.upload_one(device, encoder, &params);
         Ok(Recording {
             device,
             input,
             settings,
             hull,
-            params: uniform(device, LABEL, &params),
+            parameters,
+            params,
+            groups: RefCell::new(hull.kept.groups(device)),
             albedo: albedo.map(|slice| slice.read()),
             roughness: roughness.map(|slice| slice.read()),
         })

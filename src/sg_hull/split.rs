@@ -1,12 +1,8 @@
 //! Quads that do not fit, split in four again and again (`wgsl/sg_hull_split.wgsl`).
 
-use wgpu::{ComputePass, ComputePipeline, ShaderModule, ShaderStages};
+use wgpu::{ComputePass, ComputePipeline};
 
 use super::{
-    bindings::{
-        Bindings,
-        Resource::{Counts, Params, Parts, Receivers, Rejected, SegmentOf, Segments, Splits},
-    },
     modules::HullStage,
     pipelines::Maker,
     plan::{Plan, Planned},
@@ -14,53 +10,38 @@ use super::{
 };
 use crate::{
     error::Error,
-    gpu::binding::{READ, UINT_2D, UNIFORM, WRITE},
+    gpu::{binding::Layout, shader::Shader},
 };
 
 /// What splits quads that do not fit: without gloss, of which parts know nothing.
 #[derive(Debug)]
 pub(super) struct Splitter {
-    bindings: Bindings,
-    gather_bindings: Bindings,
+    layout: Layout,
+    gather_layout: Layout,
     place: ComputePipeline,
     gather: ComputePipeline,
     divide: ComputePipeline,
 }
 
 impl Splitter {
-    pub fn new(make: &Maker<'_>, gather_module: &ShaderModule) -> Result<Self, Error> {
+    pub fn new(make: &Maker<'_>, gather_module: &Shader) -> Result<Self, Error> {
         let module = make.module(HullStage::Split)?;
-        let bindings = make.bindings(
-            ShaderStages::COMPUTE,
-            &[
-                (0, Params, UNIFORM),
-                (1, Receivers, UINT_2D),
-                (2, SegmentOf, READ),
-                (3, Segments, READ),
-                (4, Counts, WRITE),
-                (5, Splits, WRITE),
-                (6, Parts, WRITE),
-                (7, Rejected, WRITE),
-            ],
-        );
-        let gather_bindings = make.bindings(
-            ShaderStages::COMPUTE,
-            &[(0, Params, UNIFORM), (1, Counts, READ), (4, Splits, WRITE)],
-        );
+        let layout = module.layout(make.device, &["place_points", "divide"]);
+        let gather_layout = gather_module.layout(make.device, &["gather_points"]);
         Ok(Self {
-            place: make.kernel(&module, "place_points", &bindings, &[]),
-            gather: make.gathering_kernel(gather_module, "gather_points", &gather_bindings),
-            divide: make.kernel(&module, "divide", &bindings, &[]),
-            bindings,
-            gather_bindings,
+            place: make.kernel(&module, "place_points", &layout, &[]),
+            gather: make.gathering_kernel(gather_module, "gather_points", &gather_layout),
+            divide: make.kernel(&module, "divide", &layout, &[]),
+            layout,
+            gather_layout,
         })
     }
 
     /// Records all rounds.
-    pub fn record(&self, pass: &mut ComputePass<'_>, planned: &Planned<'_>) {
+    pub fn record(&self, pass: &mut ComputePass<'_>, planned: &Planned<'_, '_>) {
         let recording = planned.recording;
-        let points = self.bindings.group(recording);
-        let light = self.gather_bindings.group(recording);
+        let points = recording.group(&self.layout);
+        let light = recording.group(&self.gather_layout);
         for _ in 0..split_rounds(recording.settings, &recording.hull.size) {
             planned.run(
                 pass,

@@ -1,15 +1,8 @@
 //! The stages that make the hull: segments, their vertices, the vertices' light, and which quads it does not fit.
 
-use wgpu::{ComputePass, ComputePipeline, ShaderModule, ShaderStages};
+use wgpu::{ComputePass, ComputePipeline};
 
 use super::{
-    bindings::{
-        Bindings,
-        Resource::{
-            Counts, List, Others, Params, PerPixel, Receivers, Rejected, SegmentOf, Segments,
-            Splits, Vertices,
-        },
-    },
     modules::HullStage,
     pipelines::Maker,
     plan::{Plan, Planned},
@@ -18,96 +11,52 @@ use super::{
 };
 use crate::{
     error::Error,
-    gpu::binding::{READ, UINT_2D, UNIFORM, WRITE},
+    gpu::{binding::Layout, shader::Shader},
 };
 
 /// Their pipelines, each after what it binds.
 #[derive(Debug)]
 pub(super) struct Stages {
-    segment_bindings: Bindings,
+    segment_layout: Layout,
     segment: ComputePipeline,
-    place_bindings: Bindings,
+    place_layout: Layout,
     place: ComputePipeline,
-    gather_bindings: Bindings,
+    gather_layout: Layout,
     gather: ComputePipeline,
-    classify_bindings: Bindings,
+    classify_layout: Layout,
     mean: ComputePipeline,
     classify: ComputePipeline,
     list: ComputePipeline,
 }
 
 impl Stages {
-    pub fn new(make: &Maker<'_>, gather_module: &ShaderModule) -> Result<Self, Error> {
-        let segment_bindings = make.bindings(
-            ShaderStages::COMPUTE,
-            &[
-                (0, Params, UNIFORM),
-                (1, Receivers, UINT_2D),
-                (2, SegmentOf, WRITE),
-                (3, Segments, WRITE),
-                (4, Counts, WRITE),
-                (5, Others, WRITE),
-            ],
-        );
-        let place_bindings = make.bindings(
-            ShaderStages::COMPUTE,
-            &[
-                (0, Params, UNIFORM),
-                (1, Receivers, UINT_2D),
-                (2, SegmentOf, READ),
-                (3, Segments, READ),
-                (4, Counts, WRITE),
-                (5, Vertices, WRITE),
-                (6, List, WRITE),
-            ],
-        );
-        let gather_bindings = make.bindings(
-            ShaderStages::COMPUTE,
-            &[
-                (0, Params, UNIFORM),
-                (1, Counts, READ),
-                (2, List, READ),
-                (3, Vertices, WRITE),
-            ],
-        );
-        let classify_bindings = make.bindings(
-            ShaderStages::COMPUTE,
-            &[
-                (0, Params, UNIFORM),
-                (2, SegmentOf, READ),
-                (3, Segments, READ),
-                (4, Counts, WRITE),
-                (5, Vertices, WRITE),
-                (6, List, READ),
-                (7, Rejected, WRITE),
-                (8, PerPixel, WRITE),
-                (9, Splits, WRITE),
-            ],
-        );
+    pub fn new(make: &Maker<'_>, gather_module: &Shader) -> Result<Self, Error> {
         let propagates = make.descriptor.components == Components::Propagation;
         let classify_module = make.module(HullStage::Classify)?;
-        let classifying = |entry| make.kernel(&classify_module, entry, &classify_bindings, &[]);
+        let segment_module = make.module(HullStage::Segment)?;
+        let place_module = make.module(HullStage::Place)?;
+        let segment_layout = segment_module.layout(make.device, &["segment"]);
+        let place_layout = place_module.layout(make.device, &["place_vertices"]);
+        let gather_layout = gather_module.layout(make.device, &["gather_vertices"]);
+        let classify_layout =
+            classify_module.layout(make.device, &["mean", "classify", "list_pixels"]);
+        let classifying = |entry| make.kernel(&classify_module, entry, &classify_layout, &[]);
         Ok(Self {
             segment: make.kernel(
-                &make.module(HullStage::Segment)?,
+                &segment_module,
                 "segment",
-                &segment_bindings,
+                &segment_layout,
                 &[("PROPAGATE", f64::from(u8::from(propagates)))],
             ),
-            place: make.kernel(
-                &make.module(HullStage::Place)?,
-                "place_vertices",
-                &place_bindings,
-                &[],
-            ),
-            gather: make.gathering_kernel(gather_module, "gather_vertices", &gather_bindings),
+            place: make.kernel(&place_module, "place_vertices", &place_layout, &[]),
+            gather: make.gathering_kernel(gather_module, "gather_vertices", &gather_layout),
             mean: classifying("mean"),
             classify: classifying("classify"),
             list: classifying("list_pixels"),
-            segment_bindings,
-            place_bindings,
-            gather_bindings,
-            classify_bindings,
+            segment_layout,
+            place_layout,
+            gather_layout,
+            classify_layout,
         })
     }
 
@@ -115,21 +64,22 @@ impl Stages {
     pub fn record(
         &self,
         pass: &mut ComputePass<'_>,
-        planned: &Planned<'_>,
+        planned: &Planned<'_, '_>,
         splitter: Option<&Splitter>,
     ) {
         let recording = planned.recording;
         let [columns, rows] = recording.hull.size.tiles();
         pass.set_pipeline(&self.segment);
-        pass.set_bind_group(0, &self.segment_bindings.group(recording), &[]);
+        let segment = recording.group(&self.segment_layout);
+        pass.set_bind_group(0, &segment.raw, &segment.offsets);
         pass.dispatch_workgroups(columns, rows, 1);
-        let place = self.place_bindings.group(recording);
+        let place = recording.group(&self.place_layout);
         planned.run(pass, Plan::Vertices, &[(&self.place, &place)]);
-        let gather = self.gather_bindings.group(recording);
+        let gather = recording.group(&self.gather_layout);
         planned.run(pass, Plan::Gather, &[(&self.gather, &gather)]);
-        let classify = self.classify_bindings.group(recording);
+        let classify = recording.group(&self.classify_layout);
         pass.set_pipeline(&self.mean);
-        pass.set_bind_group(0, &classify, &[]);
+        pass.set_bind_group(0, &classify.raw, &classify.offsets);
         pass.dispatch_workgroups(1, 1, 1);
         planned.run(pass, Plan::Classify, &[(&self.classify, &classify)]);
         if let Some(splitter) = splitter {

@@ -1,9 +1,11 @@
 //! A lit cloud's surfels as what a hull gathers (`wgsl/gatherers/surfels.wgsl`).
 
+use std::sync::LazyLock;
+
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use wgpu::{
-    Buffer, BufferUsages, CommandEncoder, Device, ShaderStages,
+    Buffer, BufferUsages, CommandEncoder, Device,
     util::{BufferInitDescriptor, DeviceExt},
 };
 
@@ -14,7 +16,8 @@ use super::{
 use crate::{
     error::Error,
     gpu::{
-        binding::{self, READ, UNIFORM, whole},
+        binding::{self, whole},
+        interface::Interface,
         made,
     },
     shell_splatter::{
@@ -27,6 +30,9 @@ use crate::{
 };
 
 pub(crate) const SURFELS: &str = include_str!("../../wgsl/gatherers/surfels.wgsl");
+
+/// What it binds.
+static INTERFACE: LazyLock<Interface> = LazyLock::new(|| Interface::of(SURFELS));
 
 const LABEL: &str = "deep-screen-space surfel gatherer";
 
@@ -64,14 +70,7 @@ impl Gatherer {
     /// The surfels of a lit cloud, both sides of each, by point-to-disk form factors and without shadows: one bounce of what
     /// they send, as the splatter sums it. What lies behind other surfaces shines through them; a convex room is exact.
     pub fn surfels(device: &Device) -> Self {
-        let stages = ShaderStages::COMPUTE | ShaderStages::FRAGMENT;
-        let entries = [(0, UNIFORM), (1, READ), (2, READ), (3, READ), (4, READ)];
-        Self {
-            label: "surfels".into(),
-            source: SURFELS.into(),
-            layout: Some(binding::layout(device, LABEL, stages, &entries)),
-            constants: Vec::new(),
-        }
+        Self::built_in(device, "surfels", SURFELS, &INTERFACE)
     }
 
     /// What [`Gatherer::surfels`] binds, for positions relative to `origin`
@@ -113,18 +112,14 @@ impl Gatherer {
         let to = std::mem::offset_of!(SurfelGatherParams, stored) as u64;
         encoder.copy_buffer_to_buffer(&cloud.counters, from, &params, to, Some(4));
         let resources = [
-            (0, whole(&params)),
-            (1, whole(&cloud.surfels)),
-            (2, whole(&cloud.sources)),
-            (3, binding::first(radiance, bytes)),
-            (4, whole(&clusters.buffer)),
+            ("surfel_params", whole(&params)),
+            ("gathered_surfels", whole(&cloud.surfels)),
+            ("surfel_sources", whole(&cloud.sources)),
+            ("surfel_radiance", binding::first(radiance, bytes)),
+            ("clusters", whole(&clusters.buffer)),
         ];
-        self.bound(
-            device,
-            &binding::entries(&resources),
-            Origin::At(origin),
-            Some(cloud.last()?),
-        )
+        let entries = binding::entries(&INTERFACE, &resources);
+        self.bound(device, &entries, Origin::At(origin), Some(cloud.last()?))
     }
 }
 

@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     error::Error,
-    gpu::storage,
+    gpu::{binding::Kept, storage},
     receivers::{Receivers, check_view_size, plane_bytes},
 };
 
@@ -41,6 +41,7 @@ pub struct SgHullView {
     pub(super) counts: Buffer,
     /// Arguments of one dispatch after another. A kernel cannot write the buffer that its own come from.
     pub(super) dispatch: Buffer,
+    pub(super) kept: Kept,
 }
 
 impl SgHullView {
@@ -56,6 +57,7 @@ impl SgHullView {
         let pixels = 4 * u64::from(size.width) * u64::from(size.height);
         Ok(Self {
             size,
+            kept: Kept::default(),
             receivers: Receivers::new(device, [size.width, size.height])?,
             segment_of: buffer("deep-screen-space hull pixels", pixels, none)?,
             others: buffer("deep-screen-space hull others", pixels, none)?,

@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use wgpu::{
-    BindingType, Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, Features,
-    PipelineCache, ShaderStages, TextureFormat, TextureView, TextureViewDimension,
+    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, Features, PipelineCache,
+    TextureFormat, TextureView, TextureViewDimension,
 };
 
 use self::{
@@ -24,8 +24,9 @@ use crate::{
     geometry::Material,
     gpu::{
         Kernel, Timestamps,
-        binding::{self, READ, UINT_2D, UNIFORM, WRITE, whole},
-        check_timestamps, compute_pass, dispatch, shader, storage, uniform,
+        binding::{self, Kept, Layout, whole},
+        check_timestamps, compute_pass, dispatch, shader, storage,
+        uniforms::{Parameters, Uniforms},
     },
     receivers::{ListedReceiversPass, Receivers, ReceiversPass, plane, plane_bytes},
     recorded::{Last, Stamp, never},
@@ -48,9 +49,10 @@ const LABEL: &str = "deep-screen-space shell splatter";
 pub struct ShellSplatter {
     effect: Arc<Effect>,
     statistics: bool,
-    build_layout: wgpu::BindGroupLayout,
-    splat_layout: wgpu::BindGroupLayout,
-    plan_layout: wgpu::BindGroupLayout,
+    build_layout: Layout,
+    splat_layout: Layout,
+    plan_layout: Layout,
+    uniforms: Uniforms,
     plan: ComputePipeline,
     build_clusters: ComputePipeline,
     build_groups: ComputePipeline,
@@ -82,6 +84,7 @@ pub struct SurfelClusters {
     capacity: u32,
     /// What the bounds were last recorded for: surfels reach no farther than these settings let them.
     recorded: Option<(SplatSettings, Stamp)>,
+    kept: Kept,
 }
 
 impl SurfelClusters {
@@ -120,6 +123,7 @@ pub struct SplatView {
     levels: u32,
     statistics: Option<Buffer>,
     pub(crate) recorded: Last<Splatted>,
+    kept: Kept,
 }
 
 /// What a view's sums are of.
@@ -234,52 +238,26 @@ impl ShellSplatter {
                 why: "ShellSplatterDescriptor::subgroups",
             });
         }
-        let shared = [(0, UNIFORM), (1, READ), (2, READ), (3, READ)];
-        let materials = effect.materials.then_some((7, READ));
-        let statistics = descriptor.statistics.then_some((8, WRITE));
-        let stages = ShaderStages::COMPUTE;
-        let build: Vec<(u32, BindingType)> = shared
-            .into_iter()
-            .chain([(4, WRITE)])
-            .chain(materials)
-            .collect();
-        let splat: Vec<(u32, BindingType)> = shared
-            .into_iter()
-            .chain([
-                (4, READ),
-                (5, UINT_2D),
-                (
-                    6,
-                    binding::store(effect.sum_format(), TextureViewDimension::D2Array),
-                ),
-            ])
-            .chain(materials)
-            .chain(statistics)
-            .collect();
-        let plan_layout = binding::layout(device, LABEL, stages, &[(3, READ), (9, WRITE)]);
-        let build_layout = binding::layout(device, LABEL, stages, &build);
-        let splat_layout = binding::layout(device, LABEL, stages, &splat);
-
         let module = |variant| -> Result<_, Error> {
             let source = source(effect, variant)?;
-            Ok(shader::create(
-                device,
-                &label(effect, "shell splatter"),
-                source,
-            ))
+            let label = label(effect, "shell splatter");
+            Ok(shader::create_with(device, &label, source, &effect.source))
         };
         let build_module = module(SplatVariant::Build)?;
         let splat_module = module(SplatVariant::Splat {
             subgroups: descriptor.subgroups,
             statistics: descriptor.statistics,
         })?;
+        let plan_layout = build_module.layout(device, &["plan"]);
+        let build_layout = build_module.layout(device, &["build_clusters", "build_groups"]);
+        let splat_layout = splat_module.layout(device, &["splat"]);
         let constants = effect.overrides();
-        let kernel = |module, entry, layout: &wgpu::BindGroupLayout| {
+        let kernel = |module, entry, layout: &Layout| {
             Kernel {
                 label: &label(effect, entry),
                 module,
                 entry,
-                layouts: &[layout],
+                layouts: &[&layout.raw],
                 constants: &constants,
                 cache: descriptor.cache,
             }
@@ -297,6 +275,7 @@ impl ShellSplatter {
             plan_layout,
             build_layout,
             splat_layout,
+            uniforms: Uniforms::new(LABEL),
         })
     }
 
@@ -348,6 +327,7 @@ impl ShellSplatter {
             places,
             capacity: cloud.capacity.surfels,
             recorded: None,
+            kept: Kept::default(),
         })
     }
 
@@ -388,6 +368,7 @@ impl ShellSplatter {
             levels,
             statistics,
             recorded: Last::default(),
+            kept: Kept::default(),
         })
     }
 
@@ -410,35 +391,34 @@ impl ShellSplatter {
         check_clusters(cloud, settings, clusters)?;
         let of = cloud.last()?;
         let materials = self.check_materials(device, input.materials)?;
+        let mut parameters = Parameters::new(device);
+        let levels: Vec<_> = (0..settings.levels)
+            .map(|level| {
+                let place = clusters.places[level as usize];
+                parameters.add(&SplatParams::new(settings, level, [1, 1], place))
+            })
+            .collect();
+        let parameters = self.uniforms.upload(device, encoder, &parameters);
+        let mut groups = clusters.kept.groups(device);
         let mut pass = compute_pass(encoder, &label(&self.effect, "clusters"), input.timestamps);
-        let plan = binding::group(
-            device,
-            LABEL,
-            &self.plan_layout,
-            &[
-                (3, whole(&cloud.counters)),
-                (9, whole(&clusters.dispatches)),
-            ],
-        );
+        let resources = [
+            ("counters", whole(&cloud.counters)),
+            ("dispatches", whole(&clusters.dispatches)),
+        ];
+        let plan = groups.next(&self.plan_layout, &resources);
         dispatch(&mut pass, &self.plan, &plan, 1);
-        for level in 0..settings.levels {
-            let place = clusters.places[level as usize];
-            let params = uniform(
-                device,
-                LABEL,
-                &SplatParams::new(settings, level, [1, 1], place),
-            );
+        for (level, params) in (0_u32..).zip(levels) {
             let mut resources = vec![
-                (0, whole(&params)),
-                (1, whole(&cloud.surfels)),
-                (2, whole(&cloud.sources)),
-                (3, whole(&cloud.counters)),
-                (4, whole(&clusters.buffer)),
+                ("params", parameters.at(params)),
+                ("surfels", whole(&cloud.surfels)),
+                ("sources", whole(&cloud.sources)),
+                ("counters", whole(&cloud.counters)),
+                ("clusters", whole(&clusters.buffer)),
             ];
-            resources.extend(materials.map(|m| (7, binding::table::<Material>(m))));
-            let group = binding::group(device, LABEL, &self.build_layout, &resources);
+            resources.extend(materials.map(|m| ("materials", binding::table::<Material>(m))));
+            let group = groups.next(&self.build_layout, &resources);
             pass.push_debug_group(&format!("level {level}"));
-            pass.set_bind_group(0, &group, &[]);
+            pass.set_bind_group(0, &group.raw, &group.offsets);
             let at = 2 * DISPATCH_BYTES * u64::from(level);
             pass.set_pipeline(&self.build_clusters);
             pass.dispatch_workgroups_indirect(&clusters.dispatches, at);
@@ -446,6 +426,7 @@ impl ShellSplatter {
             pass.dispatch_workgroups_indirect(&clusters.dispatches, at + DISPATCH_BYTES);
             pass.pop_debug_group();
         }
+        drop(groups);
         clusters.recorded = Some((bounds_of(settings), of));
         Ok(())
     }
@@ -525,32 +506,34 @@ impl ShellSplatter {
                 &view.receivers,
             ),
         }
+        let mut parameters = Parameters::new(device);
+        let levels: Vec<_> = (0..settings.levels)
+            .map(|level| {
+                let place = input.clusters.places[level as usize];
+                let params = SplatParams::new(settings, level, view.size(), place);
+                (parameters.add(&params), params.tiles_of_all_sub_buffers())
+            })
+            .collect();
+        let parameters = self.uniforms.upload(device, encoder, &parameters);
+        let mut groups = view.kept.groups(device);
         let mut pass = compute_pass(encoder, &label(&self.effect, "splat"), input.timestamps);
-        for level in 0..settings.levels {
-            let place = input.clusters.places[level as usize];
-            let params = SplatParams::new(settings, level, view.size(), place);
-            let buffer = uniform(device, LABEL, &params);
+        for (level, (params, tiles)) in (0_u32..).zip(levels) {
             let mut resources = vec![
-                (0, whole(&buffer)),
-                (1, whole(&input.cloud.surfels)),
-                (2, whole(&input.cloud.sources)),
-                (3, whole(&input.cloud.counters)),
-                (4, whole(&input.clusters.buffer)),
-                (5, binding::view(&view.receivers.view)),
-                (6, binding::view(&view.sums)),
+                ("params", parameters.at(params)),
+                ("surfels", whole(&input.cloud.surfels)),
+                ("sources", whole(&input.cloud.sources)),
+                ("counters", whole(&input.cloud.counters)),
+                ("clusters", whole(&input.clusters.buffer)),
+                ("receivers", binding::view(&view.receivers.view)),
+                ("sums", binding::view(&view.sums)),
             ];
-            resources.extend(materials.map(|m| (7, binding::table::<Material>(m))));
+            resources.extend(materials.map(|m| ("materials", binding::table::<Material>(m))));
             if let Some(statistics) = &view.statistics {
-                resources.push((8, whole(statistics)));
+                resources.push(("statistics", whole(statistics)));
             }
-            let group = binding::group(device, LABEL, &self.splat_layout, &resources);
+            let group = groups.next(&self.splat_layout, &resources);
             pass.push_debug_group(&format!("level {level}"));
-            dispatch(
-                &mut pass,
-                &self.splat,
-                &group,
-                params.tiles_of_all_sub_buffers(),
-            );
+            dispatch(&mut pass, &self.splat, &group, tiles);
             pass.pop_debug_group();
         }
         Ok(())

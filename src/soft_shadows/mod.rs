@@ -3,9 +3,7 @@
 pub(crate) mod params;
 pub(crate) mod settings;
 
-use wgpu::{
-    CommandEncoder, Device, PipelineCache, TextureFormat, TextureUsages, TextureViewDimension,
-};
+use wgpu::{CommandEncoder, Device, PipelineCache, TextureFormat, TextureUsages};
 
 use self::{params::SoftShadowsParams, settings::SoftShadowsSettings};
 use crate::{
@@ -14,8 +12,9 @@ use crate::{
     gbuffer::GBuffer,
     gpu::{
         Timestamps,
-        binding::{self, FLOAT_2D, FLOAT_ARRAY, UNIFORM, view, whole},
-        check_timestamps, shader, uniform,
+        binding::view,
+        check_timestamps, shader,
+        uniforms::{Parameters, Uniforms},
     },
     light::Light,
     shaders::Listing,
@@ -45,6 +44,7 @@ const LABEL: &str = "deep-screen-space soft shadows";
 pub struct SoftShadows {
     /// By whether shadows are hard, then by whether the light has one map alone.
     kernels: [[WorkKernel; 2]; 2],
+    uniforms: Uniforms,
 }
 
 /// What one recording of [`SoftShadows`] works on.
@@ -79,18 +79,6 @@ impl SoftShadows {
             let descriptor = WorkKernelDescriptor {
                 label: LABEL,
                 entry,
-                entries: &[
-                    (0, UNIFORM),
-                    (1, FLOAT_2D),
-                    (2, FLOAT_2D),
-                    (3, UNIFORM),
-                    (4, FLOAT_ARRAY),
-                    (
-                        5,
-                        binding::store(TextureFormat::R32Float, TextureViewDimension::D2),
-                    ),
-                ],
-                list: 6,
                 constants: &[("ONE_MAP", f64::from(u8::from(one_map)))],
                 cache,
             };
@@ -101,6 +89,7 @@ impl SoftShadows {
                 [kernel("soften", false)?, kernel("soften", true)?],
                 [kernel("harden", false)?, kernel("harden", true)?],
             ],
+            uniforms: Uniforms::new(LABEL),
         })
     }
 
@@ -133,26 +122,20 @@ impl SoftShadows {
         )?;
         let reads = input.gbuffer.reads().chain([input.map.reads()]);
         check_apart("SoftShadowsInput::target", &input.target, reads)?;
-        let params = uniform(
-            device,
-            LABEL,
-            &SoftShadowsParams::new(input, settings, level),
-        );
-        let shadow = uniform(
-            device,
-            LABEL,
-            &ShadowParams::new(&input.map, input.camera.focus()),
-        );
+        let mut parameters = Parameters::new(device);
+        let params = parameters.add(&SoftShadowsParams::new(input, settings, level));
+        let shadow = parameters.add(&ShadowParams::new(&input.map, input.camera.focus()));
+        let parameters = self.uniforms.upload(device, encoder, &parameters);
         let [depth, normal] = [input.gbuffer.depth, input.gbuffer.normal].map(|slice| slice.read());
         let map = input.map.view();
         let target = input.target.view(TextureUsages::STORAGE_BINDING);
         let resources = vec![
-            (0, whole(&params)),
-            (1, view(&depth)),
-            (2, view(&normal)),
-            (3, whole(&shadow)),
-            (4, view(&map)),
-            (5, view(&target)),
+            ("params", parameters.at(params)),
+            ("depth_texture", view(&depth)),
+            ("normal_texture", view(&normal)),
+            ("shadow", parameters.at(shadow)),
+            ("depth_map", view(&map)),
+            ("result", view(&target)),
         ];
         let is_hard = usize::from(settings.extent == 0.0);
         let has_one_map = usize::from(input.map.cameras.len() == 1);

@@ -4,8 +4,8 @@ pub(crate) mod params;
 pub(crate) mod settings;
 
 use wgpu::{
-    BindGroupLayout, BindingType, Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device,
-    PipelineCache, ShaderStages, TextureUsages, TextureView,
+    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache, TextureUsages,
+    TextureView,
 };
 
 use self::{
@@ -19,8 +19,9 @@ use crate::{
     geometry::Material,
     gpu::{
         Kernel, Timestamps,
-        binding::{self, FLOAT_ARRAY, READ, UINT_2D, UNIFORM, WRITE, view, whole},
-        check_timestamps, compute_pass, shader, storage, uniform,
+        binding::{self, Layout, view, whole},
+        check_timestamps, compute_pass, shader, storage,
+        uniforms::{Parameters, Place, Uniforms, Uploaded},
     },
     light::Light,
     shaders::{Listing, name_of},
@@ -46,12 +47,13 @@ pub struct SurfelShader {
     plain: [ShadeKernel; 2],
     mapped: [ShadeKernel; 2],
     traced: [ShadeKernel; 2],
+    uniforms: Uniforms,
 }
 
 /// A variant: at index 0 for one point a surfel, at index 1 for several.
 #[derive(Debug)]
 struct ShadeKernel {
-    layout: BindGroupLayout,
+    layout: Layout,
     pipeline: ComputePipeline,
 }
 
@@ -201,6 +203,7 @@ impl SurfelShader {
             plain: kernels(ShadowKind::None)?,
             mapped: kernels(ShadowKind::Map)?,
             traced: kernels(ShadowKind::Traced)?,
+            uniforms: Uniforms::new(LABEL),
         })
     }
 
@@ -257,77 +260,101 @@ impl SurfelShader {
         if lights.is_empty() {
             lights.push(None);
         }
+        let cloud = input.cloud;
+        let mut parameters = Parameters::new(device);
+        let dispatches: Vec<Dispatch<'_>> = lights
+            .into_iter()
+            .enumerate()
+            .map(|(index, shaded)| {
+                let light = shaded.map(|s| &s.light);
+                // Other placements leave a surfel without a triangle of its own.
+                let samples = if light.is_some() && cloud.placement == Placement::Centroid {
+                    settings.samples
+                } else {
+                    1
+                };
+                let params = SurfelShaderParams::new(light, cloud, index == 0, samples);
+                let shadow = shaded.map_or(Shadow::None, |s| s.shadow);
+                Dispatch {
+                    samples,
+                    shadow,
+                    params: parameters.add(&params),
+                    map: match &shadow {
+                        Shadow::Map(map) => {
+                            Some(parameters.add(&ShadowParams::new(map, cloud.origin)))
+                        }
+                        _ => None,
+                    },
+                }
+            })
+            .collect();
+        let parameters = self.uniforms.upload(device, encoder, &parameters);
         let mut pass = compute_pass(encoder, LABEL, input.timestamps);
-        for (index, shaded) in lights.into_iter().enumerate() {
-            self.dispatch(
-                device,
-                &mut pass,
-                input,
-                settings.samples,
-                shaded,
-                index == 0,
-            )?;
+        for dispatch in &dispatches {
+            self.dispatch(device, &mut pass, input, &parameters, dispatch)?;
         }
         Ok(())
     }
 
-    /// One light.
     fn dispatch(
         &self,
         device: &Device,
         pass: &mut wgpu::ComputePass<'_>,
         input: &SurfelShaderInput<'_>,
-        samples: u32,
-        shaded: Option<&ShadedLight<'_>>,
-        first: bool,
+        parameters: &Uploaded,
+        dispatch: &Dispatch<'_>,
     ) -> Result<(), Error> {
         let cloud = input.cloud;
-        let light = shaded.map(|s| &s.light);
-        // Other placements leave a surfel without a triangle of its own.
-        let samples = if light.is_some() && cloud.placement == Placement::Centroid {
-            samples
-        } else {
-            1
-        };
-        let params = uniform(
-            device,
-            LABEL,
-            &SurfelShaderParams::new(light, cloud, first, samples),
-        );
         let mut resources = vec![
-            (0, whole(&params)),
-            (1, whole(&cloud.surfels)),
-            (2, whole(&cloud.sources)),
-            (3, whole(&cloud.counters)),
-            (4, binding::table::<Material>(input.materials)),
-            (5, binding::first(input.radiance, radiance_bytes(cloud))),
+            ("params", parameters.at(dispatch.params)),
+            ("surfels", whole(&cloud.surfels)),
+            ("sources", whole(&cloud.sources)),
+            ("counters", whole(&cloud.counters)),
+            ("materials", binding::table::<Material>(input.materials)),
+            (
+                "radiance",
+                binding::first(input.radiance, radiance_bytes(cloud)),
+            ),
         ];
-        if samples > 1 {
-            resources.push((6, whole(&cloud.pieces)));
+        if dispatch.samples > 1 {
+            resources.push(("pieces", whole(&cloud.pieces)));
         }
-        let (shadow, depth);
-        let kernels = match shaded.map(|s| &s.shadow) {
-            Some(Shadow::Map(map)) => {
-                shadow = uniform(device, LABEL, &ShadowParams::new(map, cloud.origin));
+        resources.extend(dispatch.map.map(|map| ("shadow", parameters.at(map))));
+        let depth;
+        let kernels = match &dispatch.shadow {
+            Shadow::Map(map) => {
                 depth = map.view();
-                resources.extend([(7, whole(&shadow)), (8, view(&depth))]);
+                resources.push(("depth_map", view(&depth)));
                 &self.mapped
             }
-            Some(Shadow::Traced(bvh)) => {
+            Shadow::Traced(bvh) => {
                 let bounds = bvh.triangles(cloud)?;
-                resources.extend([(9, view(&bounds.nodes)), (10, view(&bounds.triangles))]);
+                resources.extend([
+                    ("nodes", view(&bounds.nodes)),
+                    ("triangles", view(&bounds.triangles)),
+                ]);
                 &self.traced
             }
-            Some(Shadow::None) | None => &self.plain,
+            Shadow::None => &self.plain,
         };
-        let kernel = &kernels[usize::from(samples > 1)];
-        let group = binding::group(device, LABEL, &kernel.layout, &resources);
+        let kernel = &kernels[usize::from(dispatch.samples > 1)];
+        let group = kernel.layout.group(device, &resources);
         pass.set_pipeline(&kernel.pipeline);
-        pass.set_bind_group(0, &group, &[]);
+        pass.set_bind_group(0, &group.raw, &group.offsets);
         // As many workgroups as wrote the surfels: none for a cloud that holds none.
         pass.dispatch_workgroups_indirect(&cloud.emission, 0);
         Ok(())
     }
+}
+
+/// One light of a recording, or none.
+struct Dispatch<'a> {
+    /// Points a surfel.
+    samples: u32,
+    shadow: Shadow<'a>,
+    params: Place,
+    /// Of a shadow map.
+    map: Option<Place>,
 }
 
 impl ShadeKernel {
@@ -336,26 +363,13 @@ impl ShadeKernel {
         variant: ShadeVariant,
         cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
-        let mut entries: Vec<(u32, BindingType)> = vec![
-            (0, UNIFORM),
-            (1, READ),
-            (2, READ),
-            (3, READ),
-            (4, READ),
-            (5, WRITE),
-        ];
-        entries.extend(variant.samples.then_some((6, READ)));
-        match variant.shadow {
-            ShadowKind::None => {}
-            ShadowKind::Map => entries.extend([(7, UNIFORM), (8, FLOAT_ARRAY)]),
-            ShadowKind::Traced => entries.extend([(9, UINT_2D), (10, UINT_2D)]),
-        }
-        let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
+        let module = shader::create(device, LABEL, source(variant)?);
+        let layout = module.layout(device, &["shade"]);
         let pipeline = Kernel {
             label: LABEL,
-            module: &shader::create(device, LABEL, source(variant)?),
+            module: &module,
             entry: "shade",
-            layouts: &[&layout],
+            layouts: &[&layout.raw],
             constants: &[],
             cache,
         }

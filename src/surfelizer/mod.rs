@@ -3,10 +3,7 @@
 pub(crate) mod params;
 pub(crate) mod settings;
 
-use wgpu::{
-    BindGroup, BindingResource, Buffer, BufferBinding, CommandEncoder, ComputePipeline, Device,
-    PipelineCache, ShaderStages,
-};
+use wgpu::{Buffer, CommandEncoder, ComputePipeline, Device, PipelineCache};
 
 use self::{
     params::{MAX_VIEWS, MeshBinding, SurfelizerParams, Window},
@@ -18,10 +15,11 @@ use crate::{
     geometry::{Geometry, Mesh},
     gpu::{
         Kernel, Timestamps, WORKGROUP,
-        binding::{self, READ, UNIFORM, WRITE, whole},
+        binding::{Layout, Resource, part, whole},
         check_timestamps, compute_pass, dispatch_rows,
         scan::Scan,
-        shader, uniform,
+        shader,
+        uniforms::{Parameters, Uniforms},
     },
     shaders::Listing,
     surfel::{CloudCapacity, SurfelCloud},
@@ -37,10 +35,11 @@ const LABEL: &str = "deep-screen-space surfelizer";
 /// Holds pipelines only; one serves any number of clouds.
 #[derive(Debug)]
 pub struct Surfelizer {
-    cloud_layout: wgpu::BindGroupLayout,
-    mesh_layout: wgpu::BindGroupLayout,
-    finish_layout: wgpu::BindGroupLayout,
-    surfel_layout: wgpu::BindGroupLayout,
+    cloud_layout: Layout,
+    mesh_layout: Layout,
+    finish_layout: Layout,
+    surfel_layout: Layout,
+    uniforms: Uniforms,
     count_pieces: ComputePipeline,
     merge_pieces: ComputePipeline,
     emit_pieces: ComputePipeline,
@@ -75,44 +74,36 @@ impl Surfelizer {
             8,
             LABEL,
         )?;
-        let stages = ShaderStages::COMPUTE;
-        let cloud_layout = binding::layout(
-            device,
-            LABEL,
-            stages,
-            &[(0, UNIFORM), (1, WRITE), (2, WRITE), (3, WRITE), (4, WRITE)],
-        );
-        let mesh_layout = binding::layout(
-            device,
-            LABEL,
-            stages,
-            &[(0, UNIFORM), (1, READ), (2, READ), (3, READ), (4, WRITE)],
-        );
-        let finish_layout = binding::layout(device, LABEL, stages, &[(7, WRITE)]);
-        let surfel_layout = binding::layout(device, LABEL, stages, &[(5, WRITE), (6, WRITE)]);
         let module = shader::create(
             device,
             LABEL,
             shader::assemble("surfelizer", SOURCE, &[], &[])?,
         );
-        let kernel = |entry, layouts: &[&wgpu::BindGroupLayout]| {
+        let of_meshes = ["count_pieces", "merge_pieces", "emit_pieces"];
+        let of_surfels = ["finish", "emit_surfels"];
+        let cloud_layout = module.layout(device, &[&of_meshes[..], &of_surfels].concat());
+        let mesh_layout = module.layout_of(device, 1, &of_meshes);
+        let finish_layout = module.layout_of(device, 1, &["finish"]);
+        let surfel_layout = module.layout_of(device, 1, &["emit_surfels"]);
+        let kernel = |entry, own: &Layout| {
             Kernel {
                 label: &format!("{LABEL}: {entry}"),
                 module: &module,
                 entry,
-                layouts,
+                layouts: &[&cloud_layout.raw, &own.raw],
                 constants: &[],
                 cache,
             }
             .create(device)
         };
         Ok(Self {
-            count_pieces: kernel("count_pieces", &[&cloud_layout, &mesh_layout]),
-            merge_pieces: kernel("merge_pieces", &[&cloud_layout, &mesh_layout]),
-            emit_pieces: kernel("emit_pieces", &[&cloud_layout, &mesh_layout]),
-            finish: kernel("finish", &[&cloud_layout, &finish_layout]),
-            emit_surfels: kernel("emit_surfels", &[&cloud_layout, &surfel_layout]),
+            count_pieces: kernel("count_pieces", &mesh_layout),
+            merge_pieces: kernel("merge_pieces", &mesh_layout),
+            emit_pieces: kernel("emit_pieces", &mesh_layout),
+            finish: kernel("finish", &finish_layout),
+            emit_surfels: kernel("emit_surfels", &surfel_layout),
             scan: Scan::new(device, cache)?,
+            uniforms: Uniforms::new(LABEL),
             cloud_layout,
             mesh_layout,
             finish_layout,
@@ -165,17 +156,17 @@ impl Surfelizer {
         )?;
         let mut first_triangle = 0;
         let mut without_vertices = 0;
-        let mut draws = Vec::with_capacity(meshes.len());
+        let mut bound = Vec::with_capacity(meshes.len());
+        let mut parameters = Parameters::new(device);
         for mesh in meshes {
             let triangles = mesh.triangles() * mesh.instance_count();
             if mesh.vertices.count == 0 {
                 without_vertices += triangles;
             } else if triangles > 0 {
-                let bound = MeshBinding::new(mesh, first_triangle);
-                draws.push((
-                    self.mesh_group(device, mesh, &bound, cloud)?,
-                    triangles.div_ceil(WORKGROUP),
-                ));
+                let binding = MeshBinding::new(mesh, first_triangle);
+                check_bound(device, &binding)?;
+                let place = parameters.add(&binding.params);
+                bound.push((mesh, binding, place, triangles.div_ceil(WORKGROUP)));
             }
             first_triangle += triangles;
         }
@@ -187,31 +178,39 @@ impl Surfelizer {
             cloud.capacity,
             without_vertices,
         );
-        let params = uniform(device, LABEL, &params);
-        let cloud_group = binding::group(
-            device,
-            LABEL,
-            &self.cloud_layout,
-            &[
-                (0, whole(&params)),
-                (1, whole(&cloud.pieces)),
-                (2, whole(&cloud.piece_offsets.values)),
-                (3, whole(&cloud.counters)),
-                (4, whole(&cloud.tally)),
-            ],
-        );
-        let finish_group = binding::group(
-            device,
-            LABEL,
-            &self.finish_layout,
-            &[(7, whole(&cloud.emission))],
-        );
-        let surfel_group = binding::group(
-            device,
-            LABEL,
-            &self.surfel_layout,
-            &[(5, whole(&cloud.surfels)), (6, whole(&cloud.sources))],
-        );
+        let params = parameters.add(&params);
+        let parameters = self.uniforms.upload(device, encoder, &parameters);
+        let mut groups = cloud.kept.groups(device);
+        let resources = [
+            ("params", parameters.at(params)),
+            ("pieces", whole(&cloud.pieces)),
+            ("piece_offsets", whole(&cloud.piece_offsets.values)),
+            ("counters", whole(&cloud.counters)),
+            ("tally", whole(&cloud.tally)),
+        ];
+        let cloud_group = groups.next(&self.cloud_layout, &resources);
+        let resources = [("emission", whole(&cloud.emission))];
+        let finish_group = groups.next(&self.finish_layout, &resources);
+        let resources = [
+            ("surfels", whole(&cloud.surfels)),
+            ("sources", whole(&cloud.sources)),
+        ];
+        let surfel_group = groups.next(&self.surfel_layout, &resources);
+        let draws: Vec<_> = bound
+            .iter()
+            .map(|(mesh, binding, place, workgroups)| {
+                let [vertices, indices, transforms] = windows(mesh, binding);
+                let resources = [
+                    ("mesh", parameters.at(*place)),
+                    ("vertices", vertices),
+                    ("indices", indices),
+                    ("transforms", transforms),
+                    ("triangle_offsets", whole(&cloud.triangle_offsets.values)),
+                ];
+                (groups.next(&self.mesh_layout, &resources), *workgroups)
+            })
+            .collect();
+        drop(groups);
 
         cloud.recordings.advance();
         cloud.origin = input.camera.focus();
@@ -222,13 +221,12 @@ impl Surfelizer {
         encoder.clear_buffer(&cloud.triangle_offsets.values, 0, None);
         encoder.clear_buffer(&cloud.piece_offsets.values, 0, None);
         let mut pass = compute_pass(encoder, LABEL, input.timestamps);
-        pass.set_bind_group(0, &cloud_group, &[]);
         let each_mesh = |pass: &mut wgpu::ComputePass<'_>, pipeline| {
             pass.set_pipeline(pipeline);
             for (group, groups) in &draws {
                 let [x, y, z] = dispatch_rows(*groups);
-                pass.set_bind_group(0, &cloud_group, &[]);
-                pass.set_bind_group(1, group, &[]);
+                pass.set_bind_group(0, &cloud_group.raw, &cloud_group.offsets);
+                pass.set_bind_group(1, &group.raw, &group.offsets);
                 pass.dispatch_workgroups(x, y, z);
             }
         };
@@ -237,60 +235,48 @@ impl Surfelizer {
         self.scan.record(&mut pass, &cloud.triangle_offsets);
         each_mesh(&mut pass, &self.emit_pieces);
         self.scan.record(&mut pass, &cloud.piece_offsets);
-        pass.set_bind_group(0, &cloud_group, &[]);
-        pass.set_bind_group(1, &finish_group, &[]);
+        pass.set_bind_group(0, &cloud_group.raw, &cloud_group.offsets);
+        pass.set_bind_group(1, &finish_group.raw, &[]);
         pass.set_pipeline(&self.finish);
         pass.dispatch_workgroups(1, 1, 1);
         pass.set_pipeline(&self.emit_surfels);
-        pass.set_bind_group(1, &surfel_group, &[]);
+        pass.set_bind_group(1, &surfel_group.raw, &[]);
         pass.dispatch_workgroups_indirect(&cloud.emission, 0);
         Ok(())
     }
+}
 
-    fn mesh_group(
-        &self,
-        device: &Device,
-        mesh: &Mesh<'_>,
-        bound: &MeshBinding,
-        cloud: &SurfelCloud,
-    ) -> Result<BindGroup, Error> {
-        let params = uniform(device, LABEL, &bound.params);
-        let vertices = window(mesh.vertices.buffer, bound.vertices);
-        // A layout has no optional bindings: what a mesh lacks is its vertices once more, and is never read.
-        let indices = match (mesh.indices, bound.indices) {
-            (Some(indices), Some(w)) => window(indices.buffer, w),
-            _ => vertices.clone(),
-        };
-        let instances = match (mesh.instances, bound.instances) {
-            (Some(instances), Some(w)) => window(instances.buffer, w),
-            _ => vertices.clone(),
-        };
-        let limit = device.limits().max_storage_buffer_binding_size;
-        for (size, why) in [
-            (Some(bound.vertices.size), "Mesh::vertices"),
-            (bound.indices.map(|w| w.size), "Mesh::indices"),
-            (bound.instances.map(|w| w.size), "Mesh::instances"),
-        ] {
-            check_limit(
-                "max_storage_buffer_binding_size",
-                limit,
-                size.unwrap_or(0),
-                why,
-            )?;
-        }
-        Ok(binding::group(
-            device,
-            LABEL,
-            &self.mesh_layout,
-            &[
-                (0, whole(&params)),
-                (1, vertices),
-                (2, indices),
-                (3, instances),
-                (4, whole(&cloud.triangle_offsets.values)),
-            ],
-        ))
+/// What a mesh binds of its buffers.
+fn windows<'a>(mesh: &Mesh<'a>, bound: &MeshBinding) -> [Resource<'a>; 3] {
+    let vertices = window(mesh.vertices.buffer, bound.vertices);
+    // A layout has no optional bindings: what a mesh lacks is its vertices once more, and is never read.
+    let indices = match (mesh.indices, bound.indices) {
+        (Some(indices), Some(w)) => window(indices.buffer, w),
+        _ => vertices.clone(),
+    };
+    let transforms = match (mesh.instances, bound.instances) {
+        (Some(instances), Some(w)) => window(instances.buffer, w),
+        _ => vertices.clone(),
+    };
+    [vertices, indices, transforms]
+}
+
+/// Checks that the device can bind as much.
+fn check_bound(device: &Device, bound: &MeshBinding) -> Result<(), Error> {
+    let limit = device.limits().max_storage_buffer_binding_size;
+    for (size, why) in [
+        (Some(bound.vertices.size), "Mesh::vertices"),
+        (bound.indices.map(|w| w.size), "Mesh::indices"),
+        (bound.instances.map(|w| w.size), "Mesh::instances"),
+    ] {
+        check_limit(
+            "max_storage_buffer_binding_size",
+            limit,
+            size.unwrap_or(0),
+            why,
+        )?;
     }
+    Ok(())
 }
 
 /// A kernel cannot read what it writes: refuses a mesh made of the cloud's own buffers.
@@ -312,12 +298,8 @@ fn check_apart(mesh: &Mesh<'_>, cloud: &SurfelCloud) -> Result<(), Error> {
     Ok(())
 }
 
-fn window(buffer: &Buffer, window: Window) -> BindingResource<'_> {
-    BindingResource::Buffer(BufferBinding {
-        buffer,
-        offset: window.offset,
-        size: std::num::NonZeroU64::new(window.size),
-    })
+fn window(buffer: &Buffer, window: Window) -> Resource<'_> {
+    part(buffer, window.offset, window.size)
 }
 
 /// Every module of the pass.

@@ -5,7 +5,7 @@ pub(crate) mod settings;
 
 use wgpu::{
     Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache, RenderPipeline,
-    ShaderStages, TextureFormat, TextureUsages, TextureView, TextureViewDimension,
+    TextureFormat, TextureUsages, TextureView,
 };
 
 use self::{params::TemporalParams, settings::TemporalSettings};
@@ -16,10 +16,11 @@ use crate::{
     gbuffer::{GBuffer, samples_as_float},
     gpu::{
         Kernel, Timestamps,
-        binding::{self, FLOAT_2D, READ, UINT_2D, UNIFORM, WRITE, view, whole},
+        binding::{Kept, Layout, view, whole},
         check_timestamps, first_pass,
         screen::{self, Screen},
-        shader, storage, uniform,
+        shader, storage,
+        uniforms::Uniforms,
     },
     receivers::{Receivers, ReceiversPass, plane, plane_bytes},
     shaders::Listing,
@@ -57,9 +58,10 @@ pub struct TemporalAccumulator {
     target: TextureFormat,
     receivers: ReceiversPass,
     /// Without and with motion vectors.
-    accumulate: [(wgpu::BindGroupLayout, ComputePipeline); 2],
-    claim: (wgpu::BindGroupLayout, ComputePipeline),
-    show: (wgpu::BindGroupLayout, RenderPipeline),
+    accumulate: [(Layout, ComputePipeline); 2],
+    claim: (Layout, ComputePipeline),
+    show: (Layout, RenderPipeline),
+    uniforms: Uniforms,
 }
 
 /// What one view's frames left: two textures a frame, for the last frame and the one being recorded.
@@ -82,6 +84,8 @@ pub struct TemporalHistory {
 struct Frame {
     receivers: Receivers,
     means: TextureView,
+    /// Of the recordings that write it.
+    kept: Kept,
 }
 
 impl TemporalHistory {
@@ -184,54 +188,28 @@ impl TemporalAccumulator {
         screen::check_format(device, "TemporalAccumulator target", target)?;
         let module =
             |variant| source(channels, variant).map(|source| shader::create(device, LABEL, source));
-        let accumulate = |motion: bool| -> Result<_, Error> {
-            let mut entries = vec![
-                (0, UNIFORM),
-                (1, UINT_2D),
-                (2, UINT_2D),
-                (3, FLOAT_2D),
-                (4, FLOAT_2D),
-            ];
-            if motion {
-                entries.extend([(5, FLOAT_2D), (7, READ)]);
-            }
-            let format = means_format(channels);
-            entries.push((6, binding::store(format, TextureViewDimension::D2)));
-            let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
+        let kernel = |variant, entry| -> Result<_, Error> {
+            let module = module(variant)?;
+            let layout = module.layout(device, &[entry]);
             let pipeline = Kernel {
                 label: LABEL,
-                module: &module(TemporalVariant::Accumulate { motion })?,
-                entry: "accumulate",
-                layouts: &[&layout],
+                module: &module,
+                entry,
+                layouts: &[&layout.raw],
                 constants: &[],
                 cache,
             }
             .create(device);
             Ok((layout, pipeline))
         };
-        let entries = [(0, UNIFORM), (1, UINT_2D), (5, FLOAT_2D), (7, WRITE)];
-        let layout = binding::layout(device, LABEL, ShaderStages::COMPUTE, &entries);
-        let pipeline = Kernel {
-            label: LABEL,
-            module: &module(TemporalVariant::Claim)?,
-            entry: "claim",
-            layouts: &[&layout],
-            constants: &[],
-            cache,
-        }
-        .create(device);
-        let claim = (layout, pipeline);
-        let layout = binding::layout(
-            device,
-            LABEL,
-            ShaderStages::FRAGMENT,
-            &[(0, UNIFORM), (3, FLOAT_2D)],
-        );
+        let accumulate = |motion| kernel(TemporalVariant::Accumulate { motion }, "accumulate");
+        let module = module(TemporalVariant::Show)?;
+        let layout = module.layout(device, &["show"]);
         let show = Screen {
             label: LABEL,
-            module: &module(TemporalVariant::Show)?,
+            module: &module,
             entry: "show",
-            layout: &layout,
+            layout: &layout.raw,
             constants: &[],
             target,
             cache,
@@ -242,8 +220,9 @@ impl TemporalAccumulator {
             target,
             receivers: ReceiversPass::new(device, cache)?,
             accumulate: [accumulate(false)?, accumulate(true)?],
-            claim,
+            claim: kernel(TemporalVariant::Claim, "claim")?,
             show: (layout, show),
+            uniforms: Uniforms::new(LABEL),
         })
     }
 
@@ -264,6 +243,7 @@ impl TemporalAccumulator {
             Ok(Frame {
                 receivers: Receivers::new(device, size)?,
                 means: means.create_view(&wgpu::TextureViewDescriptor::default()),
+                kept: Kept::default(),
             })
         };
         Ok(TemporalHistory {
@@ -295,16 +275,12 @@ impl TemporalAccumulator {
         self.check(input, history)?;
         let camera = input.camera;
         let viewport = camera.viewport();
-        let params = uniform(
-            device,
-            LABEL,
-            &TemporalParams::new(
-                settings,
-                camera,
-                input.previous_camera,
-                input.motion.map_or([1.0, 1.0], |motion| motion.scale),
-                input.reset || !history.recorded,
-            ),
+        let params = TemporalParams::new(
+            settings,
+            camera,
+            input.previous_camera,
+            input.motion.map_or([1.0, 1.0], |motion| motion.scale),
+            input.reset || !history.recorded,
         );
         let motion = match input.motion {
             Some(motion) => Some((motion.texture.read(), history.claims(device)?)),
@@ -321,43 +297,46 @@ impl TemporalAccumulator {
             &next.receivers,
         );
 
+        let (parameters, params) = self.uniforms.upload_one(device, encoder, &params);
         let picture = input.picture.read();
-        let group = |layout, resources: &[_]| binding::group(device, LABEL, layout, resources);
         let claiming = motion.as_ref().map(|(vectors, claims)| {
             encoder.clear_buffer(claims, 0, None);
             let resources = [
-                (0, whole(&params)),
-                (1, view(&next.receivers.view)),
-                (5, view(vectors)),
-                (7, whole(claims)),
+                ("params", parameters.at(params)),
+                ("receivers", view(&next.receivers.view)),
+                ("motion_vectors", view(vectors)),
+                ("claims", whole(claims)),
             ];
-            group(&self.claim.0, &resources)
+            self.claim.0.group(device, &resources)
         });
         let (layout, pipeline) = &self.accumulate[usize::from(motion.is_some())];
         let mut resources = vec![
-            (0, whole(&params)),
-            (1, view(&next.receivers.view)),
-            (2, view(&last.receivers.view)),
-            (3, view(&last.means)),
-            (4, view(&picture)),
-            (6, view(&next.means)),
+            ("params", parameters.at(params)),
+            ("receivers", view(&next.receivers.view)),
+            ("previous_receivers", view(&last.receivers.view)),
+            ("previous_means", view(&last.means)),
+            ("picture", view(&picture)),
+            ("means", view(&next.means)),
         ];
         if let Some((vectors, claims)) = &motion {
-            resources.extend([(5, view(vectors)), (7, whole(claims))]);
+            resources.extend([("motion_vectors", view(vectors)), ("claims", whole(claims))]);
         }
-        let accumulating = group(layout, &resources);
+        let accumulating = layout.group(device, &resources);
         let mut pass = first_pass(encoder, LABEL, input.timestamps);
         let claiming = claiming.as_ref().map(|group| (&self.claim.1, group));
         for (pipeline, group) in claiming.into_iter().chain([(pipeline, &accumulating)]) {
             pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, group, &[]);
+            pass.set_bind_group(0, &group.raw, &group.offsets);
             pass.dispatch_workgroups(viewport.width.div_ceil(8), viewport.height.div_ceil(8), 1);
         }
         drop(pass);
 
         let (layout, pipeline) = &self.show;
-        let resources = [(0, whole(&params)), (3, view(&next.means))];
-        let group = group(layout, &resources);
+        let resources = [
+            ("params", parameters.at(params)),
+            ("means", view(&next.means)),
+        ];
+        let group = next.kept.groups(device).next(layout, &resources);
         screen::draw(
             encoder,
             LABEL,

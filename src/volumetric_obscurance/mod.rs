@@ -5,9 +5,7 @@ pub(crate) mod params;
 pub(crate) mod samples;
 pub(crate) mod settings;
 
-use wgpu::{
-    CommandEncoder, Device, PipelineCache, TextureFormat, TextureUsages, TextureViewDimension,
-};
+use wgpu::{CommandEncoder, Device, PipelineCache, TextureFormat, TextureUsages};
 
 use self::{
     params::ObscuranceParams,
@@ -20,8 +18,9 @@ use crate::{
     gbuffer::{Normals, check_depth},
     gpu::{
         Timestamps,
-        binding::{self, FLOAT_2D, READ, UNIFORM, view, whole},
-        check_timestamps, shader, uniform,
+        binding::{view, whole},
+        check_timestamps, shader,
+        uniforms::Uniforms,
     },
     shaders::{Listing, name_of},
     texture_slice::{TextureSlice, check_apart},
@@ -64,6 +63,7 @@ pub struct VolumetricObscurance {
     volume: ObscuranceVolume,
     moments: Option<DepthMomentsPass>,
     kernel: WorkKernel,
+    uniforms: Uniforms,
 }
 
 /// What one recording of a [`VolumetricObscurance`] works on.
@@ -101,18 +101,12 @@ impl VolumetricObscurance {
             cache,
         } = descriptor;
         let variant = |list: bool| ObscuranceVariant::new(sampling, volume, list);
-        let target = binding::store(TARGET, TextureViewDimension::D2);
-        let mut entries = vec![(0, UNIFORM), (1, FLOAT_2D), (2, target)];
-        entries.extend(variant(false).normals.then_some((3, FLOAT_2D)));
-        entries.extend(variant(false).areas.then_some((5, READ)));
         let flag = |on: bool| f64::from(u8::from(on));
         let points = matches!(sampling, ObscuranceSampling::Points(_));
         let tangent = volume == ObscuranceVolume::TangentSphere;
         let kernel = WorkKernelDescriptor {
             label: LABEL,
             entry: "obscurance_of_pixels",
-            entries: &entries,
-            list: 4,
             constants: &[
                 ("POINTS", flag(points)),
                 ("TANGENT", flag(tangent)),
@@ -131,6 +125,7 @@ impl VolumetricObscurance {
             volume,
             moments,
             kernel: WorkKernel::new(device, &kernel, |list| source(variant(list)))?,
+            uniforms: Uniforms::new(LABEL),
         })
     }
 
@@ -242,17 +237,18 @@ impl VolumetricObscurance {
             &input.target,
             reads.into_iter().chain(normal),
         )?;
-        let params = uniform(
-            device,
-            LABEL,
-            &ObscuranceParams::new(settings, self.sampling, self.volume, input, level),
-        );
+        let params = ObscuranceParams::new(settings, self.sampling, self.volume, input, level);
+        let (parameters, params) = self.uniforms.upload_one(device, encoder, &params);
         let depth = input.depth.read();
         let target = input.target.view(TextureUsages::STORAGE_BINDING);
         let normals = normals.map(|normals| normals.texture.read());
-        let mut resources = vec![(0, whole(&params)), (1, view(&depth)), (2, view(&target))];
-        resources.extend(normals.as_ref().map(|normals| (3, view(normals))));
-        resources.extend(moments.map(|moments| (5, whole(&moments.buffer))));
+        let mut resources = vec![
+            ("params", parameters.at(params)),
+            ("depth_texture", view(&depth)),
+            ("obscurance", view(&target)),
+        ];
+        resources.extend(normals.as_ref().map(|n| ("normal_texture", view(n))));
+        resources.extend(moments.map(|m| ("moments", whole(&m.buffer))));
         self.kernel.record(
             device,
             encoder,
