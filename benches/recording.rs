@@ -11,16 +11,16 @@ use std::{
 
 use deep_screen_space::{
     AmbientOcclusion, BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, BvhBuilder,
-    Camera, Channels, CloudCapacity, ClusterInput, Components, DiskSamples, Error, GBuffer,
-    Gatherer, Geometry, HitLighting, HitResolverInput, HitResolverSettings, Light, Lighting, Mesh,
-    MultiResMask, MultiResMaskInput, MultiResMaskSettings, MultiResReconstructor,
-    MultiResReconstructorInput, MultiResReconstructorSettings, ObscuranceInput, ObscuranceSampling,
-    ObscuranceSettings, ObscuranceVolume, Payload, Primitives, ReconstructorInput,
-    ReconstructorSettings, SgHull, SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize,
-    ShadedLight, Shadow, ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatSettings,
-    SurfelShader, SurfelShaderInput, SurfelShaderSettings, Surfelizer, SurfelizerInput,
-    SurfelizerSettings, TemporalAccumulator, TemporalInput, TemporalSettings, Viewport,
-    VolumetricObscurance, VolumetricObscuranceDescriptor,
+    Camera, Channels, CloudCapacity, ClusterInput, Components, DiskSamples, Error, FrameInput,
+    GBuffer, GBufferDecoder, Gatherer, Geometry, HitLighting, HitRadiance, HitResolverInput,
+    HitResolverSettings, Light, Mesh, MultiResMask, MultiResMaskInput, MultiResMaskSettings,
+    MultiResReconstructor, MultiResReconstructorInput, MultiResReconstructorSettings,
+    ObscuranceInput, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume, Payload, Primitives,
+    ReconstructorInput, ReconstructorSettings, SgHull, SgHullDescriptor, SgHullInput,
+    SgHullSettings, SgHullSize, ShadedLight, Shadow, ShellSplatter, ShellSplatterDescriptor,
+    SplatInput, SplatSettings, SurfelShader, SurfelShaderInput, SurfelShaderSettings, Surfelizer,
+    SurfelizerInput, SurfelizerSettings, TemporalAccumulator, TemporalInput, TemporalSettings,
+    Viewport, VolumetricObscurance, VolumetricObscuranceDescriptor,
     reference::objects::Objects,
     scenes,
     wgpu::{self, CommandEncoder, TextureFormat as Format},
@@ -115,6 +115,10 @@ impl Bench {
         self.raster.gbuffer()
     }
 
+    fn frame(&self) -> FrameInput<'_> {
+        FrameInput::new(self.gbuffer(), &self.camera)
+    }
+
     /// Times a method's frames.
     fn measure(
         &self,
@@ -207,6 +211,8 @@ fn splatted(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
     };
     let splatter = ShellSplatter::new(device, &descriptor)?;
     let reconstructor = splatter.reconstructor(device, Format::R32Float, None)?;
+    let decoder = GBufferDecoder::new(device, None)?;
+    let mut receivers = decoder.create_receivers(device, SIDE, SIDE)?;
     let mut cloud = surfelizer.create_cloud(device, CAPACITY)?;
     let mut clusters = splatter.create_clusters(device, &cloud, settings.levels)?;
     let sums = splatter.create_view(device, SIDE, SIDE, settings.levels)?;
@@ -231,9 +237,9 @@ fn splatted(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
             timestamps: None,
         };
         splatter.record_clusters(device, encoder, &input, &settings, &mut clusters)?;
+        let frame = decoder.record(device, encoder, &bench.frame(), &mut receivers)?;
         let input = SplatInput {
-            gbuffer: bench.gbuffer(),
-            camera,
+            frame: &frame,
             cloud: &cloud,
             clusters: &clusters,
             materials: None,
@@ -242,7 +248,7 @@ fn splatted(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
         };
         splatter.record(device, encoder, &input, &settings, &sums)?;
         let input = ReconstructorInput {
-            gbuffer: bench.gbuffer(),
+            frame: &frame,
             sums: &sums,
             target: target.texture().into(),
             timestamps: None,
@@ -260,18 +266,18 @@ fn bounced(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
     let builder = BvhBuilder::new(device, Primitives::Triangles, None)?;
     let shader = SurfelShader::new(device, None)?;
     let meshes = bench.buffers.meshes();
-    for (name, payload, lighting) in [
-        ("occlusion, bounced", Payload::Occlusion, Lighting::Hits),
-        ("light, bounced", Payload::Radiance, Lighting::Hits),
-        ("light, lit surfels", Payload::Radiance, Lighting::Surfels),
+    let decoder = GBufferDecoder::new(device, None)?;
+    let mut receivers = decoder.create_receivers(device, SIDE, SIDE)?;
+    for (name, payload) in [
+        ("occlusion, bounced", Payload::Occlusion),
+        ("light, bounced", Payload::LitRadiance),
+        ("light, lit surfels", Payload::Radiance),
     ] {
         let descriptor = BouncedDescriptor {
             payload,
-            lighting,
             ..BouncedDescriptor::default()
         };
-        let is_light = payload == Payload::Radiance;
-        let has_surfels = lighting == Lighting::Surfels;
+        let has_surfels = payload == Payload::Radiance;
         let tracer = BouncedZBuffer::new(device, &descriptor, None)?;
         let resolver = tracer.resolver(device, Format::Rgba16Float, false, None)?;
         let mut cloud = surfelizer.create_cloud(
@@ -284,7 +290,7 @@ fn bounced(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
         let radiance = shader.create_radiance(device, &cloud)?;
         let bvh = builder.create(device, &cloud)?;
         let rays = BouncedSettings::default();
-        let hits = tracer.create_view(device, SIDE, SIDE, rays.directions)?;
+        let hits = tracer.create_view(device, SIDE, SIDE, rays.rays_per_pixel)?;
         let scratch = resolver.create_view(device, &hits)?;
         let target = bench.gpu.target(Format::Rgba16Float, SIDE, SIDE);
         let lights = [bench.lamp];
@@ -311,23 +317,21 @@ fn bounced(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
                 };
                 shader.record(device, encoder, &input, &SurfelShaderSettings::default())?;
             }
+            let frame = decoder.record(device, encoder, &bench.frame(), &mut receivers)?;
             let input = BouncedInput {
-                gbuffer: bench.gbuffer(),
-                camera,
-                cloud: &cloud,
-                bvh: &bvh,
-                radiance: has_surfels.then_some(&radiance),
-                lighting: (is_light && !has_surfels).then_some(HitLighting {
-                    materials: &bench.buffers.materials,
-                    lights: &lights,
-                }),
-                roughness: None,
-                timestamps: None,
+                radiance: match payload {
+                    Payload::Occlusion => HitRadiance::None,
+                    Payload::Radiance => HitRadiance::Surfels(&radiance),
+                    Payload::LitRadiance => HitRadiance::Lit(HitLighting {
+                        materials: &bench.buffers.materials,
+                        lights: &lights,
+                    }),
+                },
+                ..BouncedInput::new(&frame, &cloud, &bvh)
             };
             tracer.record(device, encoder, &input, &rays, &hits)?;
             let input = HitResolverInput {
-                gbuffer: bench.gbuffer(),
-                roughness: None,
+                frame: &frame,
                 hits: &hits,
                 target: target.texture().into(),
                 timestamps: None,
@@ -451,17 +455,17 @@ fn hull(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
         components: Components::default(),
         cache: None,
     };
+    let decoder = GBufferDecoder::new(device, None)?;
+    let mut receivers = decoder.create_receivers(device, SIDE, SIDE)?;
     let hull = SgHull::new(device, &descriptor)?;
     let view = hull.create_view(device, SgHullSize::new(SIDE, SIDE))?;
     let lights = gatherer.bind_lights(device, &[bench.lamp], origin)?;
     let target = bench.gpu.target(Format::Rgba16Float, SIDE, SIDE);
     bench.measure(rows, "hull", |encoder| {
+        let frame = decoder.record(device, encoder, &bench.frame(), &mut receivers)?;
         let input = SgHullInput {
-            gbuffer: bench.gbuffer(),
-            camera: &bench.camera,
-            origin,
+            frame: &frame,
             gather: Some(&lights),
-            roughness: None,
             target: target.texture().into(),
             timestamps: None,
         };
@@ -472,13 +476,15 @@ fn hull(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
 /// The mean over frames of a picture.
 fn temporal(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
     let device = bench.device();
+    let decoder = GBufferDecoder::new(device, None)?;
+    let mut receivers = decoder.create_receivers(device, SIDE, SIDE)?;
     let frames = TemporalAccumulator::new(device, Channels::Three, Format::Rgba16Float, None)?;
     let mut history = frames.create_history(device, SIDE, SIDE)?;
     let target = bench.gpu.target(Format::Rgba16Float, SIDE, SIDE);
     bench.measure(rows, "temporal", |encoder| {
+        let frame = decoder.record(device, encoder, &bench.frame(), &mut receivers)?;
         let input = TemporalInput {
-            gbuffer: bench.gbuffer(),
-            camera: &bench.camera,
+            frame: &frame,
             previous_camera: &bench.camera,
             motion: None,
             picture: bench.raster.albedo.texture().into(),

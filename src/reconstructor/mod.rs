@@ -13,7 +13,6 @@ use crate::{
     camera::Viewport,
     effect::Effect,
     error::Error,
-    gbuffer::GBuffer,
     gpu::{
         Kernel, Timestamps,
         binding::{Kept, Layout, view},
@@ -22,6 +21,7 @@ use crate::{
         shader,
         uniforms::Uniforms,
     },
+    receivers::Frame,
     receivers::{plane, plane_bytes},
     shaders::Listing,
     shell_splatter::{ShellSplatter, SplatView, Splatted},
@@ -84,9 +84,9 @@ impl ReconstructorView {
 /// What one recording of the [`Reconstructor`] works on.
 #[derive(Clone, Copy, Debug)]
 pub struct ReconstructorInput<'a> {
-    /// The G-buffer that was splatted to, of which effects with [`Effect::albedo`] take the albedo.
-    pub gbuffer: GBuffer<'a>,
-    /// The sums, splatted since their cloud was recorded. They know their camera, levels and sub-image.
+    /// The frame that was splatted to, of whose G-buffer effects with [`Effect::albedo`] take the albedo.
+    pub frame: &'a Frame<'a>,
+    /// The sums, splatted to this frame since their cloud was recorded. They know their levels and sub-image.
     pub sums: &'a SplatView,
     /// The caller's texture, of the format that the reconstructor was made for, usage `RENDER_ATTACHMENT`, covering the
     /// camera's viewport, or having a sub-image's pixels from the corner. Only these are written. What a work list left
@@ -94,6 +94,22 @@ pub struct ReconstructorInput<'a> {
     pub target: TextureSlice<'a>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
+}
+
+impl<'a> ReconstructorInput<'a> {
+    /// Without timestamps.
+    pub fn new(
+        frame: &'a Frame<'a>,
+        sums: &'a SplatView,
+        target: impl Into<TextureSlice<'a>>,
+    ) -> Self {
+        Self {
+            frame,
+            sums,
+            target: target.into(),
+            timestamps: None,
+        }
+    }
 }
 
 impl ShellSplatter {
@@ -227,13 +243,14 @@ impl Reconstructor {
         settings.validate()?;
         check_timestamps(input.timestamps)?;
         let (splatted, viewport) = self.check(input, scratch)?;
-        let params = ReconstructorParams::new(settings, &splatted);
+        let params = ReconstructorParams::new(settings, input.frame, &splatted);
         let (parameters, params) = self.uniforms.upload_one(device, encoder, &params);
         let mut groups = scratch.kept.groups(device);
         let smoothing = scratch.scratch.as_ref().filter(|_| splatted.levels > 1);
+        let receivers = input.sums.receivers(&splatted, input.frame);
         let shared = [
             ("params", parameters.at(params)),
-            ("receivers", view(&input.sums.receivers.view)),
+            ("receivers", view(&receivers.view)),
         ];
 
         if let Some(scratch) = smoothing {
@@ -259,7 +276,7 @@ impl Reconstructor {
         let mut resources = shared.to_vec();
         resources.push(("sums", view(input.sums.sums())));
         resources.extend(smoothing.map(|scratch| ("means", view(&scratch.total))));
-        let albedo = input.gbuffer.albedo.filter(|_| self.effect.albedo);
+        let albedo = input.frame.gbuffer.albedo.filter(|_| self.effect.albedo);
         let albedo = albedo.map(|slice| slice.read());
         let layout = &self.reconstruct_layouts[smoothed];
         let group = if let Some(albedo) = &albedo {
@@ -290,6 +307,8 @@ impl Reconstructor {
         let sums = input.sums;
         let splatted = sums.recorded.get("SplatView")?;
         splatted.of.check_last("SplatView", "SurfelCloud")?;
+        let frame = input.frame;
+        frame.check_place("SplatView", &splatted.place)?;
         if *splatted.effect != self.effect {
             return Err(Error::Mismatch {
                 name: "SplatView",
@@ -297,22 +316,17 @@ impl Reconstructor {
                 needed: format!("those of the very effect {}", self.effect.label),
             });
         }
-        let whole = splatted.camera.viewport();
+        let whole = frame.viewport();
         let viewport = splatted.sub_image.map_or(whole, |level| {
             let [width, height] = level_size([whole.width, whole.height], level);
             Viewport::full(width, height)
         });
         screen::check_target(TARGET, &input.target, viewport, self.target)?;
         if self.effect.albedo {
-            input.gbuffer.validate(whole)?;
-            check_apart(TARGET, &input.target, input.gbuffer.reads())?;
-            if input.gbuffer.albedo.is_none() {
-                return Err(Error::Mismatch {
-                    name: "GBuffer",
-                    found: "no albedo".into(),
-                    needed: format!("the effect {}", self.effect.label),
-                });
-            }
+            check_apart(TARGET, &input.target, frame.gbuffer.reads())?;
+            frame
+                .gbuffer
+                .albedo_for(&format!("the effect {}", self.effect.label))?;
         }
         let size = sums.size();
         if scratch.size != size

@@ -8,9 +8,8 @@ use glam::DVec3;
 use wgpu::{BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache};
 
 use crate::{
-    camera::{Camera, CameraParams},
+    camera::CameraParams,
     error::{Error, check_setting},
-    gbuffer::GBuffer,
     gpu::{
         Kernel, Timestamps,
         binding::{Layout, view, whole},
@@ -18,9 +17,9 @@ use crate::{
         uniforms::Uniforms,
     },
     light::{Light, LightParams},
-    receivers::{Receivers, ReceiversPass},
+    receivers::Frame,
     recorded::Last,
-    sg_hull::{bound::check_origin, gatherer::PolygonLight},
+    sg_hull::gatherer::PolygonLight,
     shaders::Listing,
 };
 
@@ -33,7 +32,6 @@ const LABEL: &str = "deep-screen-space reflective shadow map";
 #[derive(Debug)]
 pub struct ReflectiveShadowMap {
     layout: Layout,
-    receivers: ReceiversPass,
     kernel: ComputePipeline,
     uniforms: Uniforms,
 }
@@ -41,7 +39,7 @@ pub struct ReflectiveShadowMap {
 /// The lights of one map.
 #[derive(Debug)]
 pub struct ReflectiveShadowMapView {
-    receivers: Receivers,
+    size: [u32; 2],
     lights: wgpu::Buffer,
     /// The origin, shared with what a gatherer bound of it.
     pub(crate) recorded: Arc<Last<DVec3>>,
@@ -57,16 +55,12 @@ impl ReflectiveShadowMapView {
 /// What one recording of the [`ReflectiveShadowMap`] works on.
 #[derive(Clone, Copy, Debug)]
 pub struct ReflectiveShadowMapInput<'a> {
-    /// The G-buffer from the light, with albedo.
-    pub gbuffer: GBuffer<'a>,
-    /// The camera that it was drawn with: where the light is for point and spot lights, along its direction for
-    /// directional ones.
-    pub camera: &'a Camera,
+    /// The view from the light, with albedo: its camera is where the light is for point and spot lights, along its direction for
+    /// directional ones. Its origin is the point of the world that the lights' corners are relative to: that of the frame
+    /// which the hull is recorded for.
+    pub frame: &'a Frame<'a>,
     /// The light.
     pub light: Light,
-    /// The point of the world that the lights' corners shall be relative to, as
-    /// [`SgHullInput::origin`](crate::SgHullInput::origin).
-    pub origin: DVec3,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -77,6 +71,17 @@ pub struct ReflectiveShadowMapInput<'a> {
 pub(crate) struct ReflectiveShadowMapParams {
     pub(crate) camera: CameraParams,
     pub(crate) light: LightParams,
+}
+
+impl<'a> ReflectiveShadowMapInput<'a> {
+    /// Without timestamps.
+    pub fn new(frame: &'a Frame<'a>, light: Light) -> Self {
+        Self {
+            frame,
+            light,
+            timestamps: None,
+        }
+    }
 }
 
 impl ReflectiveShadowMap {
@@ -99,7 +104,6 @@ impl ReflectiveShadowMap {
         .create(device);
         Ok(Self {
             layout,
-            receivers: ReceiversPass::new(device, cache)?,
             kernel,
             uniforms: Uniforms::new(LABEL),
         })
@@ -125,7 +129,7 @@ impl ReflectiveShadowMap {
         }
         let bytes = u64::from(width) * u64::from(height) * size_of::<PolygonLight>() as u64;
         Ok(ReflectiveShadowMapView {
-            receivers: Receivers::new(device, [width, height])?,
+            size: [width, height],
             lights: storage(
                 device,
                 "deep-screen-space polygon lights",
@@ -139,8 +143,8 @@ impl ReflectiveShadowMap {
     /// Records the lights of a map.
     ///
     /// # Errors
-    /// What [`GBuffer::validate`] and [`Light::validate`] find; [`Error::Mismatch`] without albedo, and where the view has
-    /// another size than the camera's viewport.
+    /// What [`Light::validate`] finds; [`Error::Mismatch`] without albedo, and where the view has
+    /// another size than the frame.
     pub fn record(
         &self,
         device: &Device,
@@ -150,42 +154,27 @@ impl ReflectiveShadowMap {
     ) -> Result<(), Error> {
         check_timestamps(input.timestamps)?;
         input.light.validate()?;
-        let viewport = input.camera.viewport();
-        input.gbuffer.validate(viewport)?;
-        let Some(albedo) = input.gbuffer.albedo else {
-            return Err(Error::Mismatch {
-                name: "GBuffer",
-                found: "no albedo".into(),
-                needed: "one, for what the map reflects".into(),
-            });
-        };
+        let frame = input.frame;
+        let albedo = frame.gbuffer.albedo_for("what the map reflects")?;
+        let viewport = frame.viewport();
         let size = [viewport.width, viewport.height];
-        if map.receivers.size != size {
+        if map.size != size {
             return Err(Error::Mismatch {
                 name: "ReflectiveShadowMapView",
-                found: format!("{:?} texels", map.receivers.size),
+                found: format!("{:?} texels", map.size),
                 needed: format!("{size:?} texels"),
             });
         }
-        check_origin("ReflectiveShadowMapInput::origin", input.origin)?;
-        map.recorded.set(input.origin);
-        self.receivers.record(
-            device,
-            encoder,
-            &input.gbuffer,
-            input.camera,
-            input.origin,
-            &map.receivers,
-        );
+        map.recorded.set(frame.origin);
         let params = ReflectiveShadowMapParams {
-            camera: input.camera.params(input.origin),
-            light: LightParams::new(&input.light, input.origin),
+            camera: frame.camera.params(frame.origin),
+            light: LightParams::new(&input.light, frame.origin),
         };
         let (parameters, params) = self.uniforms.upload_one(device, encoder, &params);
         let albedo = albedo.read();
         let resources = [
             ("params", parameters.at(params)),
-            ("receivers", view(&map.receivers.view)),
+            ("receivers", view(&frame.receivers.view)),
             ("albedo_texture", view(&albedo)),
             ("lights", whole(&map.lights)),
         ];

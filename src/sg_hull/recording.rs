@@ -5,12 +5,11 @@ use std::cell::RefCell;
 use wgpu::{CommandEncoder, Device, TextureView};
 
 use super::{
-    SgHull, SgHullInput, bound::check_origin, modules::HullVariant, params::SgHullParams,
-    settings::SgHullSettings, view::SgHullView,
+    SgHull, SgHullInput, modules::HullVariant, params::SgHullParams, settings::SgHullSettings,
+    view::SgHullView,
 };
 use crate::{
     error::Error,
-    gbuffer::check_roughness,
     gpu::{
         binding::{Group, Groups, Layout, Resource, view, whole},
         check_timestamps, screen,
@@ -54,7 +53,7 @@ impl Recording<'_> {
         let hull = self.hull;
         let buffer = match name {
             "params" => return Some(self.parameters.at(self.params)),
-            "receivers" => return Some(view(&hull.receivers.view)),
+            "receivers" => return Some(view(&self.input.frame.receivers.view)),
             "albedo_texture" => return self.albedo.as_ref().map(view),
             "roughness_texture" => return self.roughness.as_ref().map(view),
             "segment_of" => &hull.segment_of,
@@ -76,7 +75,7 @@ impl Recording<'_> {
 }
 
 impl SgHull {
-    /// Checks the input, records its receivers and makes the parameters.
+    /// Checks the input and makes the parameters.
     pub(super) fn prepare<'a>(
         &self,
         device: &'a Device,
@@ -85,23 +84,24 @@ impl SgHull {
         settings: &'a SgHullSettings,
         hull: &'a SgHullView,
     ) -> Result<Recording<'a>, Error> {
-        let roughness = self.check(input, settings, hull)?;
-        self.receivers.record(
-            device,
-            encoder,
-            &input.gbuffer,
-            input.camera,
-            input.origin,
-            &hull.receivers,
-        );
+        self.check(input, settings, hull)?;
+        let frame = input.frame;
         let split_room = if self.splitter.is_some() {
             hull.size.splits
         } else {
             0
         };
-        let params =
-            SgHullParams::new(settings, &hull.size, input.camera, input.origin, split_room);
-        let albedo = input.gbuffer.albedo.filter(|_| self.variant.albedo);
+        let params = SgHullParams::new(
+            settings,
+            &hull.size,
+            &frame.camera,
+            frame.origin,
+            split_room,
+        );
+        let HullVariant { albedo, glossy } = self.variant;
+        let read = |slice: Option<TextureSlice<'_>>, wanted| {
+            slice.filter(|_| wanted).map(|slice| slice.read())
+        };
         let (parameters, params) = self.uniforms.upload_one(device, encoder, &params);
         Ok(Recording {
             device,
@@ -111,70 +111,55 @@ impl SgHull {
             parameters,
             params,
             groups: RefCell::new(hull.kept.groups(device)),
-            albedo: albedo.map(|slice| slice.read()),
-            roughness: roughness.map(|slice| slice.read()),
+            albedo: read(frame.gbuffer.albedo, albedo),
+            roughness: read(frame.gbuffer.roughness, glossy),
         })
     }
 
-    /// Checks the input; gives the roughness, where it is read.
-    fn check<'a>(
+    fn check(
         &self,
-        input: &SgHullInput<'a>,
+        input: &SgHullInput<'_>,
         settings: &SgHullSettings,
         hull: &SgHullView,
-    ) -> Result<Option<TextureSlice<'a>>, Error> {
+    ) -> Result<(), Error> {
         const TARGET: &str = "SgHullInput::target";
         settings.validate()?;
         check_timestamps(input.timestamps)?;
-        let viewport = input.camera.viewport();
-        input.gbuffer.validate(viewport)?;
+        let frame = input.frame;
+        let viewport = frame.viewport();
         screen::check_target(TARGET, &input.target, viewport, self.target)?;
-        let mismatch = |name, found: String, needed: String| {
-            Err(Error::Mismatch {
-                name,
-                found,
-                needed,
-            })
-        };
         let HullVariant { albedo, glossy } = self.variant;
-        if albedo && input.gbuffer.albedo.is_none() {
-            return mismatch(
-                "GBuffer",
-                "no albedo".into(),
-                "one, for SgHullDescriptor::albedo".into(),
-            );
+        if albedo {
+            frame.gbuffer.albedo_for("SgHullDescriptor::albedo")?;
         }
-        let roughness = check_roughness(
-            "SgHullInput::roughness",
-            input.roughness,
-            glossy.then_some("SgHullDescriptor::glossy"),
-            viewport,
-        )?;
-        let read = input.roughness.map(|r| ("SgHullInput::roughness", r, 1));
-        check_apart(TARGET, &input.target, input.gbuffer.reads().chain(read))?;
+        if glossy {
+            frame.gbuffer.roughness_for("SgHullDescriptor::glossy")?;
+        }
+        check_apart(TARGET, &input.target, frame.gbuffer.reads())?;
         if self.bound != input.gather.is_some() {
-            return mismatch(
-                "SgHullInput::gather",
-                if self.bound {
+            return Err(Error::Mismatch {
+                name: "SgHullInput::gather",
+                found: if self.bound {
                     "nothing"
                 } else {
                     "a bind group"
                 }
                 .into(),
-                "what the gatherer's layout is for".into(),
-            );
+                needed: "what the gatherer's layout is for".into(),
+            });
         }
-        check_origin("SgHullInput::origin", input.origin)?;
         if let Some(gather) = input.gather {
-            gather.check(&self.source, input.origin)?;
+            gather.check(&self.source, frame.origin)?;
         }
-        if hull.receivers.size != [viewport.width, viewport.height] {
-            return mismatch(
-                "SgHullView",
-                format!("{:?} pixels", hull.receivers.size),
-                format!("{:?} pixels", [viewport.width, viewport.height]),
-            );
+        let size = [viewport.width, viewport.height];
+        let room = [hull.size.width, hull.size.height];
+        if room != size {
+            return Err(Error::Mismatch {
+                name: "SgHullView",
+                found: format!("{room:?} pixels"),
+                needed: format!("{size:?} pixels"),
+            });
         }
-        Ok(roughness)
+        Ok(())
     }
 }

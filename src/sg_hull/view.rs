@@ -1,6 +1,6 @@
 //! The buffers of one view.
 
-use wgpu::{Buffer, BufferUsages, Device, TextureFormat};
+use wgpu::{Buffer, BufferUsages, Device};
 
 use super::{
     LABEL,
@@ -10,7 +10,7 @@ use super::{
 use crate::{
     error::Error,
     gpu::{binding::Kept, storage},
-    receivers::{Receivers, check_view_size, plane_bytes},
+    receivers::check_view_size,
 };
 
 /// Bytes of `Split`, `Part` (`wgsl/common/sg_hull_split.wgsl`) and `RejectedQuad` (`wgsl/common/sg_hull.wgsl`).
@@ -22,7 +22,6 @@ pub(crate) const REJECTED_BYTES: u64 = 16;
 #[derive(Debug)]
 pub struct SgHullView {
     pub(super) size: SgHullSize,
-    pub(super) receivers: Receivers,
     pub(super) segment_of: Buffer,
     /// Pixels that are another surface than their texel's middle.
     pub(super) others: Buffer,
@@ -58,7 +57,6 @@ impl SgHullView {
         Ok(Self {
             size,
             kept: Kept::default(),
-            receivers: Receivers::new(device, [size.width, size.height])?,
             segment_of: buffer("deep-screen-space hull pixels", pixels, none)?,
             others: buffer("deep-screen-space hull others", pixels, none)?,
             segments: buffer(
@@ -133,8 +131,7 @@ impl SgHullView {
 
     /// GPU memory that it owns, bytes.
     pub fn memory_bytes(&self) -> u64 {
-        plane_bytes(TextureFormat::Rgba32Uint, self.receivers.size, 1)
-            + self.segment_of.size()
+        self.segment_of.size()
             + self.others.size()
             + self.segments.size()
             + self.vertices.size()
