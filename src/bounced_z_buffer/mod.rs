@@ -222,8 +222,12 @@ impl BouncedZBuffer {
                 if self.descriptor.payload.is_radiance() {
                     primitives.push(("pieces", whole(&cloud.pieces)));
                 }
-                let offsets = radiance.map(|_| whole(&cloud.piece_offsets.values));
-                primitives.extend(offsets.map(|offsets| ("surfel_offsets", offsets)));
+                if radiance.is_some() {
+                    primitives.extend([
+                        ("counters", whole(&cloud.counters)),
+                        ("surfel_offsets", whole(&cloud.piece_offsets.values)),
+                    ]);
+                }
                 (&bounds.nodes, primitives)
             }
             Primitives::Disks { levels } => {
