@@ -3,7 +3,7 @@
 //! `cargo bench --bench sg_hull [-- WIDTHxHEIGHT …] [--scene NAME …]` prints a table and writes
 //! `target/bench/sg_hull.json`: rows of scene, width, height, `per_pixel_ms`, `hull_ms`, speedup, `rel_rmse`, energy,
 //! `ratio_p9999`, ssim, vertices, gathered (points that light is gathered at for quads and for their parts), splits, exact
-//! (the share of pixels that are gathered each for itself), uncovered, `fallback_pixels`. `--misfit X` sets the bound, `--runs N` of how
+//! (the share of pixels that are gathered each for itself), uncovered, `fallback_pixels`. `--error-threshold X` sets the bound, `--runs N` of how
 //! many the best counts (2; one more goes first). Without sizes those of the paper are taken, 1280x720 to 3840x2400; a software driver needs minutes for the largest.
 
 use std::{hint::black_box, path::Path, time::Instant};
@@ -14,7 +14,7 @@ use deep_screen_space::{
 };
 use support::{
     gpu::{Ask, Gpu},
-    hull::{HullRenderer, Lamp, difference},
+    hull::{HullRenderer, LightSource, difference},
     raster::{Raster, perspective},
     scene::SceneBuffers,
 };
@@ -72,9 +72,9 @@ fn arguments() -> (Vec<[u32; 2]>, Vec<String>, SgHullSettings, usize) {
     while let Some(argument) = arguments.next() {
         if argument == "--scene" {
             names.extend(arguments.next());
-        } else if argument == "--misfit" {
+        } else if argument == "--error-threshold" {
             let value = arguments.next().and_then(|v| v.parse().ok());
-            settings.misfit = value.expect("--misfit takes a number");
+            settings.error_threshold = value.expect("--error-threshold takes a number");
         } else if argument == "--runs" {
             let value = arguments.next().and_then(|v| v.parse().ok());
             runs = value.expect("--runs takes a number");
@@ -83,7 +83,9 @@ fn arguments() -> (Vec<[u32; 2]>, Vec<String>, SgHullSettings, usize) {
         {
             sizes.push([w, h]);
         } else if argument != "--bench" {
-            eprintln!("{argument} is none of WIDTHxHEIGHT, --scene NAME, --misfit X and --runs N");
+            eprintln!(
+                "{argument} is none of WIDTHxHEIGHT, --scene NAME, --error-threshold X and --runs N"
+            );
             std::process::exit(2);
         }
     }
@@ -143,12 +145,12 @@ fn measure(
         .lights(
             gpu,
             &buffers,
-            &Lamp::of(&scene).expect("a lamp"),
+            &LightSource::of(&scene).expect("a lamp"),
             camera.eye(),
         )
         .expect("lights");
     // The first run compiles the pipelines.
-    let (mut hull_ms, mut exact_ms) = (f64::INFINITY, f64::INFINITY);
+    let (mut hull_ms, mut per_pixel_ms) = (f64::INFINITY, f64::INFINITY);
     let (mut found, mut truth) = (Vec::new(), Vec::new());
     for run in 0..=runs {
         let ms;
@@ -157,26 +159,26 @@ fn measure(
             .expect("a picture");
         let exact;
         (exact, truth) = renderer
-            .render_exact(gpu, &raster, &camera, &lights)
+            .render_per_pixel(gpu, &raster, &camera, &lights)
             .expect("a picture");
         if run > 0 {
             hull_ms = hull_ms.min(ms);
-            exact_ms = exact_ms.min(exact);
+            per_pixel_ms = per_pixel_ms.min(exact);
         }
     }
     let counts = renderer.counts(gpu);
     // Pixels that no quad wrote kept the truth of the run before, which has 1 in alpha too: count by assignment.
     let segment_of: Vec<u32> = gpu.read_buffer(renderer.view.segment_of());
     let uncovered = segment_of.iter().filter(|s| **s == 0xffff_fffe).count();
-    let exact = f64::from(counts.exact_pixels) / f64::from(width * height);
+    let exact = f64::from(counts.per_pixel) / f64::from(width * height);
     let off = difference(&found, &truth, width);
     let bar = SIZES
         .iter()
         .find(|(size, _)| *size == [width, height])
         .map(|(_, bar)| *bar);
-    let speedup = exact_ms / hull_ms;
+    let speedup = per_pixel_ms / hull_ms;
     println!(
-        "{name:12} {width:5} {height:5} {exact_ms:12.1} {hull_ms:8.1} {speedup:7.1} {:>5} {:8.4} {:+7.4} {:6.2} {:7.4} \
+        "{name:12} {width:5} {height:5} {per_pixel_ms:12.1} {hull_ms:8.1} {speedup:7.1} {:>5} {:8.4} {:+7.4} {:6.2} {:7.4} \
          {:8} {:8} {exact:7.4} {uncovered:9} {:8}",
         bar.map_or(String::from("-"), |b| b.to_string()),
         off.rmse,
@@ -191,7 +193,7 @@ fn measure(
         "scene": name,
         "width": width,
         "height": height,
-        "per_pixel_ms": exact_ms,
+        "per_pixel_ms": per_pixel_ms,
         "hull_ms": hull_ms,
         "speedup": speedup,
         "speedup_bar": bar,

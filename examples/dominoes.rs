@@ -66,7 +66,7 @@ struct Options {
     size: [u32; 2],
     /// Directions a pixel, of each of the two kinds.
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=64))]
-    directions: u32,
+    rays_per_pixel: u32,
     /// Half width of the window that shares hits, in pixels.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(0..=16))]
     window: u32,
@@ -95,8 +95,8 @@ fn main() -> Result<(), Failure> {
     studio.light(&shot)?;
 
     let direct = studio.direct(&shot);
-    let diffuse = studio.gather(Kind::Diffuse, &shot, options.directions, options.window)?;
-    let glossy = studio.gather(Kind::Glossy, &shot, options.directions, options.window)?;
+    let diffuse = studio.gather(Kind::Diffuse, &shot, options.rays_per_pixel, options.window)?;
+    let glossy = studio.gather(Kind::Glossy, &shot, options.rays_per_pixel, options.window)?;
     studio.write("direct", &direct)?;
     studio.write("diffuse", &diffuse)?;
     studio.write("glossy", &glossy)?;
@@ -115,9 +115,9 @@ fn main() -> Result<(), Failure> {
         ("glossy", &glossy, &truths[1]),
     ] {
         println!(
-            "{kind}: mean {:.4}, RMSE of {} directions per pixel with window {} {:.4}",
+            "{kind}: mean {:.4}, RMSE of {} rays per pixel with window {} {:.4}",
             mean(truth),
-            options.directions,
+            options.rays_per_pixel,
             options.window,
             error(found, truth)
         );
@@ -280,18 +280,18 @@ impl<'o> Studio<'o> {
         &self,
         kind: Kind,
         shot: &Shot,
-        (directions, window, frame): (u32, u32, u32),
+        (rays_per_pixel, window, frame): (u32, u32, u32),
     ) -> Result<&Gatherer, Failure> {
         let gatherer = &self.gatherers[kind as usize];
         let traced = BouncedSettings {
-            directions,
+            rays_per_pixel,
             frame,
             sky_radiance: SKY,
             ..BouncedSettings::default()
         };
         let settings = HitResolverSettings {
             radius: window,
-            deviations: if window > 0 { 4.0 } else { 0.0 },
+            variance_clamp: if window > 0 { 4.0 } else { 0.0 },
             f0: F0,
             ..HitResolverSettings::default()
         };
@@ -314,10 +314,10 @@ impl<'o> Studio<'o> {
         &self,
         kind: Kind,
         shot: &Shot,
-        directions: u32,
+        rays_per_pixel: u32,
         window: u32,
     ) -> Result<Picture, Failure> {
-        let gatherer = self.render(kind, shot, (directions, window, 0))?;
+        let gatherer = self.render(kind, shot, (rays_per_pixel, window, 0))?;
         Ok(colors(&gatherer.pixels(&self.gpu)))
     }
 
@@ -369,7 +369,7 @@ impl<'o> Studio<'o> {
                     format!("{all:.4} (one alone {one:.4})")
                 });
                 println!(
-                    "{count} frames of {} directions: RMSE diffuse {diffuse}, glossy {glossy}",
+                    "{count} frames of {} rays per pixel: RMSE diffuse {diffuse}, glossy {glossy}",
                     options.frame_directions
                 );
             }

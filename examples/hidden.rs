@@ -66,10 +66,16 @@ fn compare(
     };
     let preset =
         presets::bounced_preset("balanced", Payload::Occlusion, radius).ok_or("no such preset")?;
-    let directions = preset.bounced.directions;
+    let rays_per_pixel = preset.bounced.rays_per_pixel;
     let payload = Payload::Occlusion;
-    let mut renderer =
-        BouncedRenderer::new(gpu, payload, capacity, [WIDTH, HEIGHT], directions, false)?;
+    let mut renderer = BouncedRenderer::new(
+        gpu,
+        payload,
+        capacity,
+        [WIDTH, HEIGHT],
+        rays_per_pixel,
+        false,
+    )?;
     let bounced = renderer
         .render(gpu, &drawn, &buffers, &camera, &[], &preset)?
         .visibility();

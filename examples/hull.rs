@@ -15,7 +15,7 @@ use deep_screen_space::{
 use support::{
     files,
     gpu::{Ask, Gpu},
-    hull::{HullRenderer, Lamp, difference},
+    hull::{HullRenderer, LightSource, difference},
     raster::{Raster, perspective},
     scene::SceneBuffers,
 };
@@ -51,7 +51,7 @@ fn main() -> Result<(), String> {
     let size = SgHullSize::new(width, height);
     let renderer = HullRenderer::with_roughness(&gpu, size, Components::default(), roughness)
         .map_err(error)?;
-    let lamp = Lamp::of(&scene).map_err(error)?;
+    let lamp = LightSource::of(&scene).map_err(error)?;
     let lights = renderer
         .lights(&gpu, &buffers, &lamp, camera.eye())
         .map_err(error)?;
@@ -63,7 +63,7 @@ fn main() -> Result<(), String> {
             .render(&gpu, &raster, &camera, &lights)
             .map_err(error)?;
         (times[1], truth) = renderer
-            .render_exact(&gpu, &raster, &camera, &lights)
+            .render_per_pixel(&gpu, &raster, &camera, &lights)
             .map_err(error)?;
     }
     let counts = renderer.counts(&gpu);

@@ -48,7 +48,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     // Once a scene: room for its triangles. Once a view: textures of its size.
     let rays = BouncedSettings {
-        directions: 8,
+        rays_per_pixel: 8,
         radius: scene.ao_radius,
         ..BouncedSettings::default()
     };
@@ -68,7 +68,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let mut cloud = surfelizer.create_cloud(device, capacity)?;
     let bvh = builder.create(device, &cloud)?;
-    let hits = tracer.create_view(device, WIDTH, HEIGHT, rays.directions)?;
+    let hits = tracer.create_view(device, WIDTH, HEIGHT, rays.rays_per_pixel)?;
     let scratch = resolver.create_view(device, &hits)?;
 
     // Every frame: the triangles, relative to a point near what is seen …

@@ -24,7 +24,7 @@ use crate::{
     sg_hull::{
         params::{HullSegment, HullVertex, SgHullCounts, SgHullParams},
         surfels::SurfelGatherParams,
-        view::{MISFIT_BYTES, PART_BYTES, SPLIT_BYTES},
+        view::{PART_BYTES, REJECTED_BYTES, SPLIT_BYTES},
     },
     shaders,
     shell_splatter::params::SplatParams,
@@ -211,7 +211,7 @@ fn structs_match_the_shaders() {
     let bounced = fields!(BouncedParams: size, columns, rows, frame, words, surfel_capacity, sky_radiance,
         world_radius);
     let hits = fields!(HitResolverParams: camera, columns, rows, frame, words, radius, plane_distance,
-        normal_power, deviations, f0, near_radius, falloff, per_hit_distance, damping, spread);
+        normal_power, variance_clamp, f0, near_radius, falloff, per_hit_distance, damping, spread);
     for payload in [
         "occlusion",
         "radiance",
@@ -260,16 +260,16 @@ fn structs_match_the_shaders() {
         &disks,
         size_of::<DiskParams>(),
     );
-    let hull = fields!(SgHullParams: camera, along, capacity, grid, tiles, f0, texel, exact_room, misfit, plane_distance, gap,
+    let hull = fields!(SgHullParams: camera, along, capacity, grid, tiles, f0, texel, per_pixel_capacity, error_threshold, plane_distance, gap,
         normal_cosine, quad, split_room, rays);
     let segment = fields!(HullSegment: rect, nearest, farthest, anchor, normal, spread);
-    let counts = fields!(SgHullCounts: segments, fallbacks, fallback_pixels, gathered, draw, misfits, exact_pixels,
+    let counts = fields!(SgHullCounts: segments, fallbacks, fallback_pixels, gathered, draw, rejected, per_pixel,
         mean_irradiance, splits, points, parts, round, padding);
     let vertex = fields!(HullVertex: position, depth, red, green, blue, excess, owner, irradiance);
     for stage in [
         "sg_hull_place",
         "sg_hull_gather",
-        "sg_hull_judge",
+        "sg_hull_classify",
         "sg_hull albedo",
     ] {
         check(&ao, stage, "HullVertex", &vertex, size_of::<HullVertex>());
@@ -303,11 +303,11 @@ fn structs_match_the_shaders() {
     let first = |count: usize| &counts[..count];
     check(&ao, "sg_hull_segment", "AtomicCounters", first(3), 12);
     check(&ao, "sg_hull_place", "PlaceCounters", first(5), 32);
-    check(&ao, "sg_hull_judge", "JudgeCounters", first(9), 48);
+    check(&ao, "sg_hull_classify", "ClassifyCounters", first(9), 48);
     for (name, size) in [
         ("Split", SPLIT_BYTES),
         ("Part", PART_BYTES),
-        ("Misfit", MISFIT_BYTES),
+        ("RejectedQuad", REJECTED_BYTES),
         ("SplitCounters", size_of::<SgHullCounts>() as u64),
     ] {
         let (_, span) = reflect(&ao, "sg_hull_split", name);
@@ -327,7 +327,7 @@ fn structs_match_the_shaders() {
     let sort = fields!(SortParams: shift, blocks);
     check(&ao, "sort", "Params", &sort, size_of::<SortParams>());
     let temporal = fields!(TemporalParams: previous, project, viewport, motion_scale, max_frames, depth_tolerance,
-        normal_tolerance, deviations, still, forget, previous_focus);
+        normal_tolerance, clip_deviations, still, forget, previous_focus);
     for shader in ["temporal_accumulator", "temporal_accumulator show"] {
         check(
             &ao,

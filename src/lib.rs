@@ -63,7 +63,7 @@
 //!     let resolver = tracer.resolver(device, wgpu::TextureFormat::R8Unorm, false, None)?;
 //!
 //!     // Once a scene and a view: room. Occluders count up to 2 world units away.
-//!     let rays = BouncedSettings { directions: 8, radius: 2.0, ..Default::default() };
+//!     let rays = BouncedSettings { rays_per_pixel: 8, radius: 2.0, ..Default::default() };
 //!     let reach = Reach { radii: f32::INFINITY, world: rays.radius };
 //!     let settings = SurfelizerSettings { density: f32::INFINITY, reach, ..Default::default() };
 //!     let geometry = Geometry { meshes };
@@ -72,7 +72,7 @@
 //!     let mut cloud = surfelizer.create_cloud(device, capacity)?;
 //!     let bvh = builder.create(device, &cloud)?;
 //!     let viewport = camera.viewport();
-//!     let hits = tracer.create_view(device, viewport.width, viewport.height, rays.directions)?;
+//!     let hits = tracer.create_view(device, viewport.width, viewport.height, rays.rays_per_pixel)?;
 //!     let scratch = resolver.create_view(device, &hits)?;
 //!
 //!     // Every frame: four recordings.

@@ -94,7 +94,7 @@ impl Light {
     }
 
     /// Whether it sends anything at all.
-    pub(crate) fn shines(&self) -> bool {
+    pub(crate) fn is_emitting(&self) -> bool {
         let (Self::Directional {
             irradiance: color, ..
         }

@@ -311,11 +311,11 @@ fn memory_stays() {
         timestamps: None,
     };
     soak.pass("rays", |encoder| {
-        let hits = tracer.create_view(device, SIDE, SIDE, traced.directions)?;
+        let hits = tracer.create_view(device, SIDE, SIDE, traced.rays_per_pixel)?;
         tracer.record(device, encoder, &input, &traced, &hits)
     });
     let hits = tracer
-        .create_view(device, SIDE, SIDE, traced.directions)
+        .create_view(device, SIDE, SIDE, traced.rays_per_pixel)
         .expect("a view");
     tracer
         .record(device, &mut encoder, &input, &traced, &hits)

@@ -100,7 +100,7 @@ override SAMPLING: u32 = 0u;
 #endif
 
 #if DISKS
-#import disk_walk
+#import disk_bvh_traverse
 #else
 #import bvh_traverse
 #if LIT

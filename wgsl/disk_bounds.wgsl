@@ -1,5 +1,5 @@
-// DiskBounds: bounds over a cloud's surfels as disks, for rays to skip (wgsl/common/disk_walk.wgsl). A tree for each
-// sub-buffer of each level (wgsl/common/disk_tree.wgsl), in the order of emission, in which neighbours follow each other.
+// DiskBounds: bounds over a cloud's surfels as disks, for rays to skip (wgsl/common/disk_bvh_traverse.wgsl). A tree for each
+// sub-buffer of each level (wgsl/common/disk_bvh_layout.wgsl), in the order of emission, in which neighbours follow each other.
 //
 //   build_first   one thread per node over 16 surfels of a sub-buffer, on one level
 //   build_next    one thread per node over four nodes, once a depth
@@ -9,7 +9,7 @@
 #import hashing
 #import dispatch
 #import surfel
-#import disk_tree
+#import disk_bvh_layout
 
 alias Counter = u32;
 
@@ -28,7 +28,7 @@ struct Params {
 @group(0) @binding(3) var<storage, read> sources: array<SurfelSource>;
 @group(0) @binding(4) var<storage, read_write> nodes: array<vec4f>;
 
-#import node_boxes
+#import bvh4_boxes
 
 fn box_of(surfel: u32) -> Box {
   let disk = surfels[surfel];
@@ -54,7 +54,7 @@ fn merged(a: Box, b: Box) -> Box {
 }
 
 struct Place {
-  tree: DiskTree,
+  tree: DiskBvh,
   sub_buffer: u32,
   // Of the node within its depth.
   number: u32,
@@ -64,7 +64,7 @@ struct Place {
 fn place_of(thread: u32) -> Place {
   let nodes_each = nodes_at(surfels_dealt(params.capacity, 0u, params.level), params.depth);
   let sub_buffer = thread / nodes_each;
-  let tree = disk_tree(params.level, sub_buffer, params.level_first, counters.stored, params.capacity);
+  let tree = disk_bvh(params.level, sub_buffer, params.level_first, counters.stored, params.capacity);
   return Place(tree, sub_buffer, thread % nodes_each);
 }
 
@@ -72,7 +72,7 @@ fn is_node(place: Place) -> bool {
   return place.sub_buffer < (1u << (2u * params.level)) && place.number < nodes_at(place.tree.count, params.depth);
 }
 
-fn node_at(tree: DiskTree, depth: u32, number: u32) -> u32 {
+fn node_at(tree: DiskBvh, depth: u32, number: u32) -> u32 {
   return tree.first + depth_offset(tree.capacity, depth) + number;
 }
 

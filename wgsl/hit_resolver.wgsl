@@ -39,7 +39,7 @@ struct Params {
   // Exponent of the cosine between normals.
   normal_power: f32,
   // How many standard deviations a neighbour's mean may differ; 0 for no such test.
-  deviations: f32,
+  variance_clamp: f32,
   // Reflectance of glossy receivers seen straight on.
   f0: vec3f,
   // Half width of the window over which distances of hits are averaged.
@@ -89,7 +89,7 @@ fn size() -> vec2i {
   return vec2i(params.camera.viewport.zw);
 }
 
-fn directions() -> u32 {
+fn rays_per_pixel() -> u32 {
   return params.columns * params.rows;
 }
 
@@ -184,7 +184,7 @@ fn average(@builtin(global_invocation_id) id: vec3u) {
 #if GLOSSY
     let lobe = lobe_of(pixel, texel);
 #endif
-    for (var i = 0u; i < directions(); i++) {
+    for (var i = 0u; i < rays_per_pixel(); i++) {
 #if GLOSSY
       let drawn = glossy_direction(lobe, cell_point(pixel, i, params.columns, params.rows, params.frame));
       let seen = mirrored(lobe, drawn.light, drawn.facet, incoming(pixel, i));
@@ -211,8 +211,8 @@ fn average(@builtin(global_invocation_id) id: vec3u) {
 #else
     let whole = 1.0;
 #endif
-    let chance = 0.5 * whole / f32(directions());
-    variance = 0.5 * spread / f32(directions()) + chance * chance;
+    let chance = 0.5 * whole / f32(rays_per_pixel());
+    variance = 0.5 * spread / f32(rays_per_pixel()) + chance * chance;
   }
   textureStore(means, pixel, vec4f(mean, variance));
 }
@@ -264,7 +264,7 @@ fn near(@builtin(global_invocation_id) id: vec3u) {
           weight = 1.0;
         }
         let side = footprint(params.camera, there - params.camera.eye);
-        let units = f32(directions()) * NEAREST * max(side, 1e-30);
+        let units = f32(rays_per_pixel()) * NEAREST * max(side, 1e-30);
         sum += weight * f32(nearness[y * size().x + x]) / units;
         weights += weight;
       }
@@ -348,9 +348,9 @@ fn reconstruct(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
       let aside = vec2f(there - at);
       let hits_aside = length(d) * max(inverse_distance, textureLoad(inverse_distances, there, 0).x) * params.per_hit_distance;
       var distance = dot(aside, aside) * params.falloff + hits_aside * hits_aside;
-      if params.deviations > 0.0 {
+      if params.variance_clamp > 0.0 {
         let difference = luminance(theirs.xyz) - luminance(own.xyz);
-        let allowed = params.deviations * params.deviations * (theirs.w + own.w) + 1e-30;
+        let allowed = params.variance_clamp * params.variance_clamp * (theirs.w + own.w) + 1e-30;
         distance += difference * difference / allowed;
       }
       weight *= exp(-distance);
@@ -369,7 +369,7 @@ fn reconstruct(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
       var seen_there = vec3f(0.0);
       var shares = 0.0;
       if weight > 1e-3 {
-        for (var i = 0u; i < directions(); i++) {
+        for (var i = 0u; i < rays_per_pixel(); i++) {
           let point = cell_point(vec2u(there), i, params.columns, params.rows, params.frame);
 #if GLOSSY
           let drawn = glossy_direction(other_lobe, point);

@@ -31,7 +31,7 @@ fn plan_gather() {
 
 // A thread a quad.
 @compute @workgroup_size(1)
-fn plan_judge() {
+fn plan_classify() {
   dispatch = groups_of(counters.draw.y, 64u);
 }
 
@@ -52,13 +52,13 @@ fn plan_divide() {
 // A workgroup a quad, or a part of one.
 @compute @workgroup_size(1)
 fn plan_list() {
-  dispatch = groups_of(counters.misfits, 1u);
+  dispatch = groups_of(counters.rejected, 1u);
 }
 
 // A thread, and a point, a pixel.
 @compute @workgroup_size(1)
 fn plan_pixels() {
-  let count = min(counters.exact_pixels, params.exact_room);
+  let count = min(counters.per_pixel, params.per_pixel_capacity);
   dispatch = groups_of(count, 64u);
   counters.points = vec4u(count, 1u, 0u, 0u);
 }

@@ -10,7 +10,7 @@
 #import sg_hull
 #import dispatch
 #import sg_hull_split
-#import sg_hull_misfit
+#import sg_hull_error
 #import sg_hull_corner
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -20,7 +20,7 @@
 @group(0) @binding(4) var<storage, read_write> counters: SplitCounters;
 @group(0) @binding(5) var<storage, read_write> splits: array<Split>;
 @group(0) @binding(6) var<storage, read_write> parts: array<Part>;
-@group(0) @binding(7) var<storage, read_write> misfits: array<Misfit>;
+@group(0) @binding(7) var<storage, read_write> rejected: array<RejectedQuad>;
 
 // Counters.
 struct SplitCounters {
@@ -29,8 +29,8 @@ struct SplitCounters {
   fallback_pixels: u32,
   gathered: u32,
   draw: vec4u,
-  misfits: atomic<u32>,
-  exact_pixels: u32,
+  rejected: atomic<u32>,
+  per_pixel: u32,
   mean_irradiance: f32,
   splits: atomic<u32>,
   points: vec4u,
@@ -42,7 +42,7 @@ struct SplitCounters {
   padding: vec2u,
 }
 
-// How much the whole's being off at a part's points counts as a misfit of the part. Of what is off there a quarter is left in
+// How much the whole's being off at a part's points counts as the part's error. Of what is off there a quarter is left in
 // the part where light is smooth, half of it where it has a kink.
 const OFF_SHARE: f32 = 3.0;
 // How much its corners' being apart does: what is steep may have been right at the points by chance.
@@ -119,7 +119,7 @@ fn divide(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_ind
     let at = vec2f(select(select(1.0, share.x, column == 1u), 0.0, column == 0u),
       select(select(1.0, share.y, row == 1u), 0.0, row == 0u));
     let right = average(here.irradiance);
-    off[place] = relative_misfit(OFF_SHARE * abs(average(shown(split.whole.corners, at)) - right), right,
+    off[place] = relative_error(OFF_SHARE * abs(average(shown(split.whole.corners, at)) - right), right,
       counters.mean_irradiance);
   }
   for (var k = 0u; k < 4u; k++) {
@@ -137,11 +137,11 @@ fn divide(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_ind
     for (var j = 0u; j < 4u; j++) {
       let at = first + (j & 1u) + (j >> 1u) * 3u;
       let light = average(lattice[at].xyz);
-      fits = fits && off[at] < params.misfit;
+      fits = fits && off[at] < params.error_threshold;
       least = min(least, light);
       most = max(most, light);
     }
-    if fits && relative_misfit(APART_SHARE * (most - least), least, counters.mean_irradiance) < params.misfit {
+    if fits && relative_error(APART_SHARE * (most - least), least, counters.mean_irradiance) < params.error_threshold {
       parts[atomicAdd(&counters.parts, 1u)] = part;
       continue;
     }
@@ -152,6 +152,6 @@ fn divide(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_ind
         continue;
       }
     }
-    misfits[atomicAdd(&counters.misfits, 1u)] = Misfit(part.slot, part.low, part.high, 0u);
+    rejected[atomicAdd(&counters.rejected, 1u)] = RejectedQuad(part.slot, part.low, part.high, 0u);
   }
 }

@@ -32,7 +32,7 @@ struct Params {
   // Least cosine between normals.
   normal_tolerance: f32,
   // Half width of the box that the history is clipped to, in standard deviations; 0 for no box.
-  deviations: f32,
+  clip_deviations: f32,
   // 1 where both cameras are the same.
   still: u32,
   // 1 where there is no history, or shall be none.
@@ -264,7 +264,7 @@ fn clip(mean: vec3f, pixel: vec2i) -> vec3f {
   if !is_finite3(centre) || !is_finite3(squares) {
     return mean;
   }
-  let extent = min(params.deviations * sqrt(squares / max(count, 1.0)), vec3f(MAX_F32));
+  let extent = min(params.clip_deviations * sqrt(squares / max(count, 1.0)), vec3f(MAX_F32));
   let off = clamp(mean - centre, vec3f(-MAX_F32), vec3f(MAX_F32));
   let share = extent / max(abs(off), vec3f(1e-30));
   let least = min(share.x, min(share.y, share.z));
@@ -295,7 +295,7 @@ fn accumulate(@builtin(global_invocation_id) id: vec3u) {
     if last.frames > 0.0 {
       next = last;
       if usable {
-        if params.deviations > 0.0 {
+        if params.clip_deviations > 0.0 {
           next.mean = clip(last.mean, pixel);
         }
         next.frames = min(last.frames, params.max_frames - 1.0) + 1.0;

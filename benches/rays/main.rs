@@ -45,7 +45,7 @@ use support::{
 
 /// Best of this many runs: a shared machine only ever adds time.
 const RUNS: usize = 3;
-const DIRECTIONS: u32 = 16;
+const RAYS_PER_PIXEL: u32 = 16;
 /// Columns and rows of the grid of that many directions.
 const GRID: [u32; 2] = [4, 4];
 
@@ -103,7 +103,7 @@ fn main() {
     let gpu = Gpu::open(Ask::All).expect("a graphics adapter");
     let [width, height] = options.size;
     println!(
-        "{}, {width}x{height} pixels, {DIRECTIONS} directions",
+        "{}, {width}x{height} pixels, {RAYS_PER_PIXEL} rays per pixel",
         gpu.name()
     );
     println!(
@@ -241,9 +241,9 @@ fn measure(
     let bvh_bytes = Cell::new(0);
     let trace = |payload, radius, statistics, lights: &[Light]| {
         let mut preset = bounced_preset("balanced", payload, radius).expect("a preset");
-        preset.bounced.directions = DIRECTIONS;
+        preset.bounced.rays_per_pixel = RAYS_PER_PIXEL;
         let mut renderer =
-            BouncedRenderer::new(gpu, payload, capacity, size, DIRECTIONS, statistics)
+            BouncedRenderer::new(gpu, payload, capacity, size, RAYS_PER_PIXEL, statistics)
                 .expect("within limits");
         let mut best: Option<Vec<(&str, f64)>> = None;
         // The first compiles the pipelines.
@@ -360,7 +360,7 @@ fn cpu_hits(tracer: &Tracer, receivers: &[Option<Receiver>], width: u32) -> usiz
             let Some(at) = at else { return 0 };
             let pixel = [i as u32 % width, i as u32 / width];
             let origin = tracer.start(at.position, at.geometric_normal);
-            (0..DIRECTIONS)
+            (0..RAYS_PER_PIXEL)
                 .filter(|&index| {
                     let point = cell_point(pixel, index, GRID, 0);
                     let drawn = hemisphere_direction(point, at.shading_normal, Sampling::Cosine);

@@ -9,7 +9,7 @@ use super::{Options, view::Shot};
 use support::{
     files,
     gpu::Gpu,
-    hull::{HullRenderer, Lamp, difference},
+    hull::{HullRenderer, LightSource, difference},
     raster::Raster,
     scene::SceneBuffers,
     visible::near_of,
@@ -30,7 +30,7 @@ pub fn render(gpu: &Gpu, options: &Options, scene: &Scene, shot: &Shot) -> Resul
         Some(Light::Directional {
             direction,
             irradiance,
-        }) => Lamp::sun(scene, *direction, *irradiance),
+        }) => LightSource::sun(scene, *direction, *irradiance),
         Some(
             Light::Point {
                 position,
@@ -48,9 +48,9 @@ pub fn render(gpu: &Gpu, options: &Options, scene: &Scene, shot: &Shot) -> Resul
                 _ => shot.target,
             };
             let near = near_of(scene, *position, 1e-2 * target.distance(*position));
-            Lamp::spot([*position, target], near, MAP_DEGREES, *intensity)
+            LightSource::spot([*position, target], near, MAP_DEGREES, *intensity)
         }
-        None => Lamp::of(scene),
+        None => LightSource::of(scene),
     }
     .map_err(error)?;
     let lights = renderer
@@ -94,7 +94,7 @@ pub fn render(gpu: &Gpu, options: &Options, scene: &Scene, shot: &Shot) -> Resul
     std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
     if options.reference.is_some() {
         let (ms, truth) = renderer
-            .render_exact(gpu, &raster, &camera, &lights)
+            .render_per_pixel(gpu, &raster, &camera, &lights)
             .map_err(error)?;
         write(options, shot, &truth, "_reference")?;
         let off = difference(&pixels, &truth, shot.width);

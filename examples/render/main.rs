@@ -84,8 +84,8 @@ pub(crate) struct Options {
     radius: Option<f32>,
     /// Directions a pixel in place of the preset's, and the filter that suits them, for the bounced z-buffer.
     #[arg(long)]
-    directions: Option<u32>,
-    /// Half width of the filter's window in pixels in place of what suits the directions, for the bounced z-buffer.
+    rays_per_pixel: Option<u32>,
+    /// Half width of the filter's window in pixels in place of what suits the number of rays, for the bounced z-buffer.
     #[arg(long)]
     window: Option<u32>,
     /// Whether surfaces occlude behind their backs too, for splatting.

@@ -208,8 +208,8 @@ pub fn bounced(
     };
     let mut preset =
         presets::bounced_preset(&options.preset, payload, radius).ok_or("no such preset")?;
-    if let Some(directions) = options.directions {
-        preset = presets::bounced(directions, payload, radius);
+    if let Some(rays_per_pixel) = options.rays_per_pixel {
+        preset = presets::bounced(rays_per_pixel, payload, radius);
     }
     if let Some(window) = options.window {
         preset.reconstructor.radius = window;
@@ -217,12 +217,12 @@ pub fn bounced(
     let buffers = SceneBuffers::new(gpu, scene);
     let raster = Raster::draw(gpu, &buffers, &camera);
     let size = [shot.width, shot.height];
-    let directions = preset.bounced.directions;
+    let rays_per_pixel = preset.bounced.rays_per_pixel;
     let lights = &shot.lights;
     let (renderer, picture, capacity) = with_room(
         (gpu, options, &buffers),
         0,
-        |capacity| BouncedRenderer::new(gpu, payload, capacity, size, directions, false),
+        |capacity| BouncedRenderer::new(gpu, payload, capacity, size, rays_per_pixel, false),
         |renderer| renderer.render(gpu, &raster, &buffers, &camera, lights, &preset),
         |picture| (picture.total_ms(), picture.counts),
     )?;
@@ -235,14 +235,14 @@ pub fn bounced(
         memory_bytes: renderer.memory_bytes(),
         passes: picture.passes,
         settings: json!({
-            "directions": directions,
+            "rays_per_pixel": rays_per_pixel,
             "window": preset.reconstructor.radius,
             "spread": preset.reconstructor.spread,
             "hit_distances": preset.reconstructor.hit_distances,
             "damping": preset.reconstructor.damping,
             "plane_distance": preset.reconstructor.plane_distance,
             "normal_power": preset.reconstructor.normal_power,
-            "deviations": preset.reconstructor.deviations,
+            "variance_clamp": preset.reconstructor.variance_clamp,
         }),
     })
 }

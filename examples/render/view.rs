@@ -55,13 +55,13 @@ struct Wanted {
     near: Option<f64>,
     width: u32,
     height: u32,
-    light: Option<Lamp>,
+    light: Option<LightEntry>,
 }
 
 /// A light as the file of cameras has it.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(tag = "type", rename_all = "lowercase")]
-pub enum Lamp {
+pub enum LightEntry {
     Directional {
         direction: DVec3Array,
         irradiance: [f32; 3],
@@ -72,17 +72,17 @@ pub enum Lamp {
     },
 }
 
-impl From<Lamp> for Light {
-    fn from(lamp: Lamp) -> Self {
+impl From<LightEntry> for Light {
+    fn from(lamp: LightEntry) -> Self {
         match lamp {
-            Lamp::Directional {
+            LightEntry::Directional {
                 direction,
                 irradiance,
             } => Self::Directional {
                 direction: direction.into(),
                 irradiance,
             },
-            Lamp::Point {
+            LightEntry::Point {
                 position,
                 intensity,
             } => Self::Point {

@@ -150,7 +150,7 @@ impl Gatherer {
         gpu: &Gpu,
         (descriptor, lighting): (HitResolverDescriptor, Lighting),
         [width, height]: [u32; 2],
-        directions: u32,
+        rays_per_pixel: u32,
         statistics: bool,
     ) -> Result<Self, Error> {
         let device = &gpu.device;
@@ -163,7 +163,7 @@ impl Gatherer {
         };
         let bounced = BouncedZBuffer::new(device, &bounced, None)?;
         let reconstructor = HitResolver::new(device, &descriptor, None)?;
-        let view = bounced.create_view(device, width, height, directions)?;
+        let view = bounced.create_view(device, width, height, rays_per_pixel)?;
         Ok(Self {
             scratch: reconstructor.create_view(device, &view)?,
             view,
@@ -274,7 +274,7 @@ impl BouncedRenderer {
         payload: Payload,
         capacity: CloudCapacity,
         size: [u32; 2],
-        directions: u32,
+        rays_per_pixel: u32,
         statistics: bool,
     ) -> Result<Self, Error> {
         let descriptor = HitResolverDescriptor {
@@ -287,7 +287,7 @@ impl BouncedRenderer {
             gpu,
             (descriptor, Lighting::Hits),
             size,
-            directions,
+            rays_per_pixel,
             statistics,
         )?;
         Ok(Self {

@@ -32,12 +32,12 @@ pub struct HullRenderer {
 pub const MAP: u32 = 16;
 
 /// A light of a scene and the camera that sees what it lights.
-pub struct Lamp {
+pub struct LightSource {
     pub light: Light,
     pub camera: Camera,
 }
 
-impl Lamp {
+impl LightSource {
     /// What lights a scene of the crate's: a lamp below the ceiling of a room, the sun elsewhere.
     pub fn of(scene: &Scene) -> Result<Self, Error> {
         match scene.name {
@@ -175,7 +175,7 @@ impl HullRenderer {
         &self,
         gpu: &Gpu,
         scene: &SceneBuffers,
-        lamp: &Lamp,
+        lamp: &LightSource,
         origin: DVec3,
     ) -> Result<GathererBinding, Error> {
         let raster = Raster::draw(gpu, scene, &lamp.camera);
@@ -231,7 +231,7 @@ impl HullRenderer {
     }
 
     /// Milliseconds, and the picture with the light gathered at every pixel.
-    pub fn render_exact(
+    pub fn render_per_pixel(
         &self,
         gpu: &Gpu,
         raster: &Raster,
@@ -241,7 +241,7 @@ impl HullRenderer {
         let input = self.input(raster, camera, lights);
         let (ms, done) = gpu.time(|encoder| {
             self.hull
-                .record_exact(&gpu.device, encoder, &input, &self.settings, &self.view)
+                .record_per_pixel(&gpu.device, encoder, &input, &self.settings, &self.view)
         });
         done?;
         Ok((ms, gpu.read_texture(self.target.texture(), 0)))

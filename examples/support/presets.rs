@@ -1,4 +1,4 @@
-//! Three points on the curve of error over time (benches/trade draws all of it), for each method.
+//! Three points on the curve of error over time (`benches/error_time` draws all of it), for each method.
 
 use deep_screen_space::{
     BouncedSettings, HitResolverSettings, Payload, ReconstructorSettings, SplatSettings,
@@ -52,7 +52,7 @@ pub fn preset(name: &str, radius: f32) -> Option<Preset> {
 // radius hits do not depend.
 /// One of [`NAMES`], for hits nearer than `radius`.
 pub fn bounced_preset(name: &str, payload: Payload, radius: f32) -> Option<BouncedPreset> {
-    let directions = match (name, payload) {
+    let rays_per_pixel = match (name, payload) {
         ("fast", Payload::Occlusion) => 4,
         ("balanced", Payload::Occlusion) => 16,
         ("fast", Payload::Radiance) => 8,
@@ -60,11 +60,11 @@ pub fn bounced_preset(name: &str, payload: Payload, radius: f32) -> Option<Bounc
         ("accurate", _) => 64,
         _ => return None,
     };
-    Some(bounced(directions, payload, radius))
+    Some(bounced(rays_per_pixel, payload, radius))
 }
 
 /// So many directions, and the filter that suits them.
-pub fn bounced(directions: u32, payload: Payload, radius: f32) -> BouncedPreset {
+pub fn bounced(rays_per_pixel: u32, payload: Payload, radius: f32) -> BouncedPreset {
     BouncedPreset {
         surfelizer: SurfelizerSettings {
             // Small triangles whole: hits are exact.
@@ -72,13 +72,13 @@ pub fn bounced(directions: u32, payload: Payload, radius: f32) -> BouncedPreset 
             ..SurfelizerSettings::default()
         },
         bounced: BouncedSettings {
-            directions,
+            rays_per_pixel,
             radius,
             ..BouncedSettings::default()
         },
         reconstructor: match payload {
-            Payload::Occlusion => HitResolverSettings::for_occlusion(directions),
-            Payload::Radiance => HitResolverSettings::for_light(directions),
+            Payload::Occlusion => HitResolverSettings::for_occlusion(rays_per_pixel),
+            Payload::Radiance => HitResolverSettings::for_light(rays_per_pixel),
         },
     }
 }

@@ -13,7 +13,7 @@ use wgpu::{
 use self::{
     descriptor::{BouncedDescriptor, HitLighting, Lighting, Payload},
     params::{BouncedParams, DiskParams, LightsParams, MAX_LIGHTS},
-    settings::{BouncedSettings, MAX_DIRECTIONS, Sampling},
+    settings::{BouncedSettings, MAX_RAYS_PER_PIXEL, Sampling},
     view::{BouncedView, Hits, Traced},
 };
 use crate::{
@@ -161,12 +161,12 @@ impl BouncedZBuffer {
         device: &Device,
         width: u32,
         height: u32,
-        directions: u32,
+        rays_per_pixel: u32,
     ) -> Result<BouncedView, Error> {
         check_setting(
-            directions <= MAX_DIRECTIONS,
-            "directions",
-            directions,
+            rays_per_pixel <= MAX_RAYS_PER_PIXEL,
+            "rays_per_pixel",
+            rays_per_pixel,
             "0 to 64",
         )?;
         let size = [width, height];
@@ -176,7 +176,7 @@ impl BouncedZBuffer {
             Payload::Occlusion => Hits::Bits(storage(
                 device,
                 "deep-screen-space hits",
-                4 * u64::from(words(directions)) * u64::from(width) * u64::from(height),
+                4 * u64::from(words(rays_per_pixel)) * u64::from(width) * u64::from(height),
                 usage,
             )?),
             Payload::Radiance => {
@@ -185,7 +185,7 @@ impl BouncedZBuffer {
                     "deep-screen-space hits",
                     TextureFormat::R32Uint,
                     size,
-                    directions.max(1),
+                    rays_per_pixel.max(1),
                 )?;
                 Hits::Colors(texture.create_view(&wgpu::TextureViewDescriptor {
                     dimension: Some(TextureViewDimension::D2Array),
@@ -210,7 +210,7 @@ impl BouncedZBuffer {
             hits,
             nearness,
             descriptor: self.descriptor,
-            directions,
+            rays_per_pixel,
             statistics,
             recorded: Last::default(),
         })
@@ -339,8 +339,8 @@ impl BouncedZBuffer {
         let mut pass = compute_pass(encoder, LABEL, input.timestamps);
         // Bits were cleared; a layer of colours cannot be, and without directions gets one that meets nothing.
         let layers = match view.hits {
-            Hits::Bits(_) => settings.directions,
-            Hits::Colors(_) => settings.directions.max(1),
+            Hits::Bits(_) => settings.rays_per_pixel,
+            Hits::Colors(_) => settings.rays_per_pixel.max(1),
         };
         if layers > 0 {
             let [width, height] = view.size();
@@ -358,20 +358,20 @@ impl BouncedZBuffer {
         view: &BouncedView,
     ) -> Result<(), Error> {
         if view.size() != size
-            || view.directions < settings.directions
+            || view.rays_per_pixel < settings.rays_per_pixel
             || view.descriptor != self.descriptor
         {
             return Err(Error::Mismatch {
                 name: "BouncedView",
                 found: format!(
-                    "{:?} pixels, {} directions, {:?}",
+                    "{:?} pixels, {} rays per pixel, {:?}",
                     view.size(),
-                    view.directions,
+                    view.rays_per_pixel,
                     view.descriptor
                 ),
                 needed: format!(
-                    "{size:?} pixels, {} directions, {:?}",
-                    settings.directions, self.descriptor
+                    "{size:?} pixels, {} rays per pixel, {:?}",
+                    settings.rays_per_pixel, self.descriptor
                 ),
             });
         }
@@ -399,11 +399,11 @@ impl BouncedZBuffer {
         for light in lighting.lights {
             light.validate()?;
         }
-        let shining = lighting.lights.iter().filter(|l| l.shines()).count();
+        let emitting = lighting.lights.iter().filter(|l| l.is_emitting()).count();
         check_setting(
-            shining <= MAX_LIGHTS,
+            emitting <= MAX_LIGHTS,
             "HitLighting::lights",
-            shining as f64,
+            emitting as f64,
             "0 to 16 lights that shine",
         )?;
         Ok(Some(lighting))
@@ -439,8 +439,8 @@ impl BouncedZBuffer {
 }
 
 /// Words of bits per pixel.
-pub(crate) fn words(directions: u32) -> u32 {
-    directions.div_ceil(32)
+pub(crate) fn words(rays_per_pixel: u32) -> u32 {
+    rays_per_pixel.div_ceil(32)
 }
 
 fn store_colors() -> BindingType {

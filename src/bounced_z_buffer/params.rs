@@ -33,9 +33,9 @@ pub struct BouncedParams {
 
 impl BouncedParams {
     pub fn new(settings: &BouncedSettings, size: [u32; 2], capacity: CloudCapacity) -> Self {
-        let [columns, rows] = grid(settings.directions);
+        let [columns, rows] = grid(settings.rays_per_pixel);
         // Without directions nothing is met and nothing arrives.
-        let (sky_radiance, radius) = if settings.directions == 0 {
+        let (sky_radiance, radius) = if settings.rays_per_pixel == 0 {
             ([0.0; 3], 0.0)
         } else {
             (settings.sky_radiance, settings.radius)
@@ -45,7 +45,7 @@ impl BouncedParams {
             columns,
             rows,
             frame: settings.frame,
-            words: words(settings.directions),
+            words: words(settings.rays_per_pixel),
             surfel_capacity: capacity.surfels,
             padding: 0,
             sky_radiance,
@@ -76,7 +76,7 @@ impl LightsParams {
         for (to, light) in params
             .lights
             .iter_mut()
-            .zip(lights.iter().filter(|l| l.shines()))
+            .zip(lights.iter().filter(|l| l.is_emitting()))
         {
             *to = LightParams::new(light, origin);
             params.count += 1;
@@ -85,7 +85,7 @@ impl LightsParams {
     }
 }
 
-/// What rays among disks read: `DiskParams` of `wgsl/common/disk_walk.wgsl`.
+/// What rays among disks read: `DiskParams` of `wgsl/common/disk_bvh_traverse.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct DiskParams {
@@ -117,8 +117,8 @@ impl DiskParams {
 }
 
 /// Columns and rows of the grid of directions: the two factors that are nearest each other.
-pub(crate) fn grid(directions: u32) -> [u32; 2] {
-    let n = directions.max(1);
+pub(crate) fn grid(rays_per_pixel: u32) -> [u32; 2] {
+    let n = rays_per_pixel.max(1);
     let rows = (1..=n.isqrt())
         .rev()
         .find(|r| n.is_multiple_of(*r))

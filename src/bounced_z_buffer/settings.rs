@@ -102,7 +102,7 @@ pub struct BouncedSettings {
     /// Reconstructor gathers, and somewhat faster, since both are stratified; the time to trace grows with it. Numbers
     /// with two nearly equal factors are stratified best: 4, 6, 9, 12, 16, 20, 25, 36, 49, 64. With 0 nothing is
     /// traced and everything is open and dark. Default 16.
-    pub directions: u32,
+    pub rays_per_pixel: u32,
     /// The distance beyond which hits do not count, world units, ≥ 0; `f32::INFINITY` (default) for none.
     pub radius: f32,
     /// Which set of directions to take, 0…2²⁰. Counted up from frame to frame it gives each pixel directions that lie
@@ -117,12 +117,12 @@ pub struct BouncedSettings {
 }
 
 /// The most directions.
-pub(crate) const MAX_DIRECTIONS: u32 = 64;
+pub(crate) const MAX_RAYS_PER_PIXEL: u32 = 64;
 
 impl Default for BouncedSettings {
     fn default() -> Self {
         Self {
-            directions: 16,
+            rays_per_pixel: 16,
             radius: f32::INFINITY,
             frame: 0,
             sky_radiance: [0.0; 3],
@@ -138,9 +138,9 @@ impl BouncedSettings {
     /// [`Error::Setting`], naming the field, its value and its range.
     pub fn validate(&self) -> Result<(), Error> {
         check_setting(
-            self.directions <= MAX_DIRECTIONS,
-            "BouncedSettings::directions",
-            self.directions,
+            self.rays_per_pixel <= MAX_RAYS_PER_PIXEL,
+            "BouncedSettings::rays_per_pixel",
+            self.rays_per_pixel,
             "0 to 64",
         )?;
         check_setting(

@@ -26,7 +26,7 @@ pub struct BouncedView {
     pub(crate) hits: Hits,
     pub(crate) nearness: Buffer,
     pub(crate) descriptor: BouncedDescriptor,
-    pub(super) directions: u32,
+    pub(super) rays_per_pixel: u32,
     pub(super) statistics: Option<Buffer>,
     pub(crate) recorded: Last<Traced>,
 }
@@ -55,8 +55,8 @@ impl BouncedView {
     }
 
     /// How many directions it has room for.
-    pub fn directions(&self) -> u32 {
-        self.directions
+    pub fn rays_per_pixel(&self) -> u32 {
+        self.rays_per_pixel
     }
 
     /// With [`Payload::Occlusion`](crate::Payload::Occlusion) the hits: for each pixel, rows from the top, as many words as the recording's
@@ -96,9 +96,11 @@ impl BouncedView {
     pub fn memory_bytes(&self) -> u64 {
         let hits = match &self.hits {
             Hits::Bits(buffer) => buffer.size(),
-            Hits::Colors(_) => {
-                plane_bytes(TextureFormat::R32Uint, self.size(), self.directions.max(1))
-            }
+            Hits::Colors(_) => plane_bytes(
+                TextureFormat::R32Uint,
+                self.size(),
+                self.rays_per_pixel.max(1),
+            ),
         };
         plane_bytes(TextureFormat::Rgba32Uint, self.size(), 1)
             + hits

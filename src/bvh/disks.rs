@@ -1,4 +1,4 @@
-//! Bounds over a cloud's surfels as disks, for rays to skip (`wgsl/disk_bounds.wgsl`, `wgsl/common/disk_walk.wgsl`).
+//! Bounds over a cloud's surfels as disks, for rays to skip (`wgsl/disk_bounds.wgsl`, `wgsl/common/disk_bvh_traverse.wgsl`).
 
 use bytemuck::{Pod, Zeroable};
 use wgpu::{

@@ -1,5 +1,5 @@
 //! Bounding volume hierarchies, which rays traverse: over a cloud's pieces (`wgsl/common/bvh_traverse.wgsl`), or over its
-//! surfels as disks (`wgsl/common/disk_walk.wgsl`).
+//! surfels as disks (`wgsl/common/disk_bvh_traverse.wgsl`).
 
 pub(crate) mod disks;
 #[cfg(test)]

@@ -19,7 +19,7 @@ pub struct HitResolverParams {
     pub(crate) radius: u32,
     pub(crate) plane_distance: f32,
     pub(crate) normal_power: f32,
-    pub(crate) deviations: f32,
+    pub(crate) variance_clamp: f32,
     pub(crate) f0: [f32; 3],
     pub(crate) near_radius: u32,
     pub(crate) falloff: f32,
@@ -50,8 +50,8 @@ pub(crate) fn plane_unit(settings: &HitResolverSettings) -> f32 {
 }
 
 /// Half width of the window over which distances of hits are averaged: the fewer directions, the less one pixel knows.
-pub(crate) fn near_radius(directions: u32) -> u32 {
-    match directions {
+pub(crate) fn near_radius(rays_per_pixel: u32) -> u32 {
+    match rays_per_pixel {
         0 | 1 => 4,
         2 | 3 => 3,
         _ => 2,
@@ -61,19 +61,19 @@ pub(crate) fn near_radius(directions: u32) -> u32 {
 impl HitResolverParams {
     pub fn new(settings: &HitResolverSettings, traced: &Traced) -> Self {
         let bounced = &traced.settings;
-        let [columns, rows] = grid(bounced.directions);
+        let [columns, rows] = grid(bounced.rays_per_pixel);
         Self {
             camera: traced.camera.params(traced.origin),
             columns,
             rows,
             frame: bounced.frame,
-            words: words(bounced.directions),
+            words: words(bounced.rays_per_pixel),
             radius: settings.radius,
             plane_distance: settings.plane_distance,
             normal_power: settings.normal_power,
-            deviations: settings.deviations,
+            variance_clamp: settings.variance_clamp,
             f0: settings.f0,
-            near_radius: near_radius(bounced.directions),
+            near_radius: near_radius(bounced.rays_per_pixel),
             falloff: falloff(settings),
             per_hit_distance: per_hit_distance(settings),
             damping: settings.damping.min(FLAT),

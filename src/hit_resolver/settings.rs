@@ -32,7 +32,7 @@ pub struct HitResolverSettings {
     /// this many it counts 1/e. Keeps what the hits themselves show to differ, such as contact shadows that end within
     /// the window. Both means are noisy: a small number of directions needs a larger one here. 0 (default) for no
     /// such test.
-    pub deviations: f32,
+    pub variance_clamp: f32,
     /// Reflectance of glossy receivers seen straight on, linear RGB, 0…1 (Schlick, *An Inexpensive BRDF Model for
     /// Physically-based Rendering*, 1994); of use with [`Sampling::Glossy`](crate::Sampling::Glossy) and
     /// [`Payload::Radiance`](crate::Payload::Radiance) alone. Default 0.04, that of glass and most plastics; metals have
@@ -52,7 +52,7 @@ impl Default for HitResolverSettings {
             damping: 0.2,
             plane_distance: 2.0,
             normal_power: 8.0,
-            deviations: 0.0,
+            variance_clamp: 0.0,
             f0: [0.04; 3],
         }
     }
@@ -61,23 +61,23 @@ impl Default for HitResolverSettings {
 impl HitResolverSettings {
     /// What suits occlusion by so many directions per pixel, 1…64: the fewer, the wider the window. Measured in six views of
     /// three scenes, at 1, 4 and 16 directions.
-    pub fn for_occlusion(directions: u32) -> Self {
-        let few = directions.clamp(1, 64) as f32;
+    pub fn for_occlusion(rays_per_pixel: u32) -> Self {
+        let few = rays_per_pixel.clamp(1, 64) as f32;
         let spread = 5.0 * few.powf(-0.18);
         Self {
             radius: (1.6 * spread).round() as u32,
             spread,
-            hit_distances: if directions <= 1 { 1.0 } else { 0.8 },
+            hit_distances: if rays_per_pixel <= 1 { 1.0 } else { 0.8 },
             plane_distance: (4.0 / few.sqrt()).max(2.0),
             // Of fewer directions the variance is not known well enough.
-            deviations: if directions < 9 { 0.0 } else { 6.0 },
+            variance_clamp: if rays_per_pixel < 9 { 0.0 } else { 6.0 },
             ..Self::default()
         }
     }
 
     /// The same for light, whose detail is finer and noise coarser. Measured in two views of one scene, at 8 and 40.
-    pub fn for_light(directions: u32) -> Self {
-        let few = directions.clamp(1, 64) as f32;
+    pub fn for_light(rays_per_pixel: u32) -> Self {
+        let few = rays_per_pixel.clamp(1, 64) as f32;
         let spread = (19.0 * few.powf(-0.6)).min(6.0);
         Self {
             radius: (1.8 * spread).round() as u32,
@@ -124,9 +124,9 @@ impl HitResolverSettings {
             "8 to 1000",
         )?;
         check_setting(
-            (0.0..=100.0).contains(&self.deviations),
-            "HitResolverSettings::deviations",
-            self.deviations,
+            (0.0..=100.0).contains(&self.variance_clamp),
+            "HitResolverSettings::variance_clamp",
+            self.variance_clamp,
             "0 to 100",
         )?;
         for channel in self.f0 {

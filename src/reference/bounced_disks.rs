@@ -1,4 +1,4 @@
-//! Mirror of `wgsl/common/disk_walk.wgsl`: the same hits, by a loop over all surfels in place of bounds, which leave out
+//! Mirror of `wgsl/common/disk_bvh_traverse.wgsl`: the same hits, by a loop over all surfels in place of bounds, which leave out
 //! only what a ray misses.
 
 use glam::DVec3;

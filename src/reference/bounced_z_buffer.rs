@@ -102,7 +102,7 @@ pub fn meet(ray: &Ray, triangle: &Triangle, end_size: Option<f64>) -> Option<f64
 
 /// The nearest hit closer than `t_max`.
 pub fn nearest(ray: &Ray, pieces: &[Piece], t_max: f64) -> Option<Hit> {
-    walk(ray, None, pieces, t_max)
+    traverse(ray, None, pieces, t_max)
 }
 
 /// Whether a light reaches a point off a surface.
@@ -118,10 +118,10 @@ pub fn unshadowed(point: DVec3, light: &Light, pieces: &[Piece]) -> bool {
             Some(position.abs().max_element())
         }
     };
-    walk(&ray, end_size, pieces, way.distance.min(FAR)).is_none()
+    traverse(&ray, end_size, pieces, way.distance.min(FAR)).is_none()
 }
 
-fn walk(ray: &Ray, end_size: Option<f64>, pieces: &[Piece], t_max: f64) -> Option<Hit> {
+fn traverse(ray: &Ray, end_size: Option<f64>, pieces: &[Piece], t_max: f64) -> Option<Hit> {
     let mut hit = None;
     let mut closest = t_max;
     for (piece, candidate) in pieces.iter().enumerate() {
@@ -203,12 +203,12 @@ impl Tracing<'_> {
 
     /// As [`BouncedView::blocked`](crate::BouncedView::blocked).
     pub fn blocked(&self) -> Vec<u32> {
-        let directions = self.settings.directions;
-        let words = words(directions) as usize;
+        let rays_per_pixel = self.settings.rays_per_pixel;
+        let words = words(rays_per_pixel) as usize;
         let mut bits = vec![0; words * self.receivers.len()];
-        if directions > 0 {
+        if rays_per_pixel > 0 {
             for (i, hit) in self.hits().iter().enumerate() {
-                let (pixel, index) = (i / directions as usize, i % directions as usize);
+                let (pixel, index) = (i / rays_per_pixel as usize, i % rays_per_pixel as usize);
                 bits[pixel * words + index / 32] |= u32::from(hit.is_some()) << (index & 31);
             }
         }
@@ -217,7 +217,7 @@ impl Tracing<'_> {
 
     /// As [`BouncedView::nearness`](crate::BouncedView::nearness), of the nearest hits.
     pub fn nearness(&self) -> Vec<u32> {
-        let per_pixel = (self.settings.directions as usize).max(1);
+        let per_pixel = (self.settings.rays_per_pixel as usize).max(1);
         let mut nearness = vec![0; self.receivers.len()];
         for (i, hit) in self.hits().iter().enumerate() {
             let pixel = i / per_pixel;

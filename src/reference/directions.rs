@@ -120,7 +120,7 @@ pub fn directions(
     settings: &BouncedSettings,
     sampling: Sampling,
 ) -> Vec<Option<Direction>> {
-    let grid = grid(settings.directions);
+    let grid = grid(settings.rays_per_pixel);
     (0..)
         .zip(receivers)
         .flat_map(|(i, receiver)| {

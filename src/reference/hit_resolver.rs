@@ -75,7 +75,7 @@ impl HitResolution<'_> {
     /// Each pixel's own mean over its directions.
     pub fn average(&self) -> Vec<Mean> {
         let drawn = self.drawn();
-        let directions = drawn.len() / self.receivers.len().max(1);
+        let rays_per_pixel = drawn.len() / self.receivers.len().max(1);
         (0..self.receivers.len())
             .map(|pixel| {
                 let Some(receiver) = self.receivers[pixel] else {
@@ -84,7 +84,7 @@ impl HitResolution<'_> {
                 let mut sum = DVec3::ZERO;
                 let mut weights = 0.0;
                 let mut squares = 0.0;
-                for i in pixel * directions..(pixel + 1) * directions {
+                for i in pixel * rays_per_pixel..(pixel + 1) * rays_per_pixel {
                     let mut weight = 1.0;
                     if let (Sampling::Uniform, Some(drawn)) = (self.sampling, drawn[i]) {
                         weight = share(receiver.normal, drawn);
@@ -101,10 +101,10 @@ impl HitResolution<'_> {
                     Payload::Radiance => luminance(mean),
                     Payload::Occlusion => 1.0,
                 };
-                let chance = 0.5 * whole / directions as f64;
+                let chance = 0.5 * whole / rays_per_pixel as f64;
                 Mean {
                     mean,
-                    variance: 0.5 * spread / directions as f64 + chance * chance,
+                    variance: 0.5 * spread / rays_per_pixel as f64 + chance * chance,
                 }
             })
             .collect()
@@ -144,7 +144,7 @@ impl HitResolution<'_> {
             return 0.0;
         };
         let per_tolerance = self.per_tolerance_at(self.side(&Receiver { position, normal }));
-        let radius = IVec2::splat(near_radius(self.traced.directions) as i32);
+        let radius = IVec2::splat(near_radius(self.traced.rays_per_pixel) as i32);
         let low = (at - radius).max(IVec2::ZERO);
         let high = (at + radius).min(self.size() - 1);
         let mut sum = 0.0;
@@ -160,8 +160,8 @@ impl HitResolution<'_> {
                 if there == at {
                     weight = 1.0;
                 }
-                let directions = f64::from(self.traced.directions.max(1));
-                let units = directions * NEAREST * self.side(&other).max(1e-30);
+                let rays_per_pixel = f64::from(self.traced.rays_per_pixel.max(1));
+                let units = rays_per_pixel * NEAREST * self.side(&other).max(1e-30);
                 sum += weight * f64::from(self.nearness[index(there)]) / units;
                 weights += weight;
             }
@@ -186,7 +186,7 @@ impl HitResolution<'_> {
         at: IVec2,
     ) -> Option<DVec3> {
         let index = |p: IVec2| (p.y * self.size().x + p.x) as usize;
-        let directions = drawn.len() / self.receivers.len();
+        let rays_per_pixel = drawn.len() / self.receivers.len();
         let settings = self.settings;
         let Receiver { position, normal } = self.receivers[index(at)]?;
         let frame = tangent_frame(normal);
@@ -218,11 +218,11 @@ impl HitResolution<'_> {
                 let nearest = near[index(at)].max(near[index(there)]);
                 let hits_aside = d.length() * nearest * per_hit_distance;
                 let mut distance = aside.length_squared() * falloff + hits_aside * hits_aside;
-                if settings.deviations > 0.0 {
+                if settings.variance_clamp > 0.0 {
                     let difference = luminance(theirs.mean) - luminance(own.mean);
-                    let deviations = f64::from(settings.deviations);
+                    let variance_clamp = f64::from(settings.variance_clamp);
                     let allowed =
-                        deviations * deviations * (theirs.variance + own.variance) + 1e-30;
+                        variance_clamp * variance_clamp * (theirs.variance + own.variance) + 1e-30;
                     distance += difference * difference / allowed;
                 }
                 weight *= (-distance).exp();
@@ -234,7 +234,8 @@ impl HitResolution<'_> {
                     let mut shares = 0.0;
                     weighted = DVec3::ZERO;
                     if weight > 1e-3 {
-                        let theirs = index(there) * directions..(index(there) + 1) * directions;
+                        let theirs =
+                            index(there) * rays_per_pixel..(index(there) + 1) * rays_per_pixel;
                         for (drawn, &incoming) in
                             drawn[theirs.clone()].iter().zip(&self.incoming[theirs])
                         {

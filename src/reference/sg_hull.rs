@@ -23,14 +23,14 @@ const TINY_AREA: u32 = 8;
 /// Radians below which a segment's normals are one.
 const FLAT_SPREAD: f32 = 0.003;
 
-/// Of a misfit in units of the dimmest corner, and what counts as dark, in mean irradiances.
+/// Of an error in units of the dimmest corner, and what counts as dark, in mean irradiances.
 const RELATIVE_SHARE: f64 = 0.2;
 const DIMMEST: f64 = 0.005;
 
 /// Pixels across from which on a part is split rather than gathered at each of its pixels.
 const SPLIT_SIDE: u32 = 4;
 
-/// How much a whole's being off at a part's points, and its corners' being apart, count as a misfit of the part.
+/// How much a whole's being off at a part's points, and its corners' being apart, count as the part's error.
 const OFF_SHARE: f64 = 3.0;
 const APART_SHARE: f64 = 0.25;
 
@@ -260,7 +260,7 @@ impl Hull<'_> {
     }
 
     /// What becomes of a part that does not fit: parts that do, and rectangles whose pixels are gathered each for itself. `gather` is
-    /// irradiance at a point relative to the eye, for a normal; `bound` is [`SgHullSettings::misfit`].
+    /// irradiance at a point relative to the eye, for a normal; `bound` is [`SgHullSettings::error_threshold`].
     pub fn split(
         &self,
         (segment, id, segment_of): (&HullSegment, u32, &[u32]),
@@ -297,7 +297,7 @@ impl Hull<'_> {
             lattice[place] = (right, self.camera.axis().dot(position));
             let at = edge.map(f64::from);
             let apart = (average(whole.shown(self.camera, at)) - average(right)).abs();
-            off[place] = relative_misfit(OFF_SHARE * apart, average(right), mean);
+            off[place] = relative_error(OFF_SHARE * apart, average(right), mean);
         }
         for k in 0..4 {
             let (column, row) = (k & 1, k >> 1);
@@ -312,7 +312,7 @@ impl Hull<'_> {
             let apart = light.iter().copied().fold(0.0, f64::max) - least;
             // No number is no fit.
             let fits = places.iter().all(|&place| off[place] < bound);
-            if fits && relative_misfit(APART_SHARE * apart, least, mean) < bound {
+            if fits && relative_error(APART_SHARE * apart, least, mean) < bound {
                 found.push((part, Fit::Quad));
             } else if part.can_be_split() {
                 self.split(
@@ -410,13 +410,13 @@ fn average(color: DVec3) -> f64 {
 }
 
 /// Of a difference where the dimmest light is `least`, in units of the picture's mean irradiance.
-fn relative_misfit(apart: f64, least: f64, mean: f64) -> f64 {
+fn relative_error(apart: f64, least: f64, mean: f64) -> f64 {
     let scale = mean.max(1e-30);
     (apart / scale).max(RELATIVE_SHARE * apart / (least + DIMMEST * scale))
 }
 
 /// How far the light of a quad that is neither tiny nor of last resort may be off, in units of the picture's mean irradiance.
-pub fn misfit(segment: &HullSegment, corners: &[Corner; 4], mean: f64) -> f64 {
+pub fn quad_error(segment: &HullSegment, corners: &[Corner; 4], mean: f64) -> f64 {
     let normal = unpack_normal(segment.normal);
     let found = corners.map(|corner| average(corner.irradiance(normal)));
     let least = found.iter().copied().fold(f64::INFINITY, f64::min);
@@ -425,7 +425,7 @@ pub fn misfit(segment: &HullSegment, corners: &[Corner; 4], mean: f64) -> f64 {
         .iter()
         .flat_map(|corner| corner.moments.map(|m| m.total));
     let light = totals.sum::<f64>() / 12.0;
-    relative_misfit(
+    relative_error(
         apart.max(0.3 * f64::from(segment.spread) * light),
         least,
         mean,

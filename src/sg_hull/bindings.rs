@@ -19,8 +19,8 @@ pub(super) enum Resource {
     List,
     Splits,
     Parts,
-    Misfits,
-    Exact,
+    Rejected,
+    PerPixel,
     Counts,
     Dispatch,
 }

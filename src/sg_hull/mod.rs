@@ -3,10 +3,10 @@
 
 mod bindings;
 pub(crate) mod bound;
-mod exact;
 pub(crate) mod gatherer;
 pub(crate) mod modules;
 pub(crate) mod params;
+mod per_pixel;
 mod picture;
 mod pipelines;
 mod plan;
@@ -24,9 +24,9 @@ use wgpu::{CommandEncoder, Device, PipelineCache, TextureFormat};
 
 use self::{
     bound::GathererBinding,
-    exact::Exact,
     gatherer::Gatherer,
     modules::{HullStage, HullVariant},
+    per_pixel::PerPixel,
     picture::Picture,
     pipelines::Maker,
     plan::Plans,
@@ -51,7 +51,7 @@ const LABEL: &str = "deep-screen-space hull";
 ///
 /// The cost of a [`Gatherer`] is paid at some thousand vertices whatever the resolution, and each pixel's own normal still
 /// shades it. Light has to vary little over a quad, and to be told by one lobe a colour channel where normals vary. Quads
-/// where it is not so are found ([`SgHullSettings::misfit`]) and split, or light is gathered at each of their pixels: cost
+/// where it is not so are found ([`SgHullSettings::error_threshold`]) and split, or light is gathered at each of their pixels: cost
 /// grows with fine shadows, thin things and relief, rather than error. What is lit from more than 30° below the plane of its
 /// quad's corners, and shows in none of them, is not found.
 ///
@@ -79,7 +79,7 @@ const LABEL: &str = "deep-screen-space hull";
 /// off by the Gaussian alone.
 ///
 /// Quads are not judged by it, and not split but gathered at each pixel: where it varies within one,
-/// [`SgHullSettings::misfit`] finds what the diffuse light betrays. That of 0 has light gathered at each pixel, for both lobes.
+/// [`SgHullSettings::error_threshold`] finds what the diffuse light betrays. That of 0 has light gathered at each pixel, for both lobes.
 /// At a roughness of 0.2 the picture of a colonnade is 3.5 % off the one gathered at every pixel, and 1.0 % without gloss
 /// (`cargo run --example hull -- colonnade 320x240 --glossy 0.2`).
 ///
@@ -97,7 +97,7 @@ pub struct SgHull {
     /// Without gloss.
     splitter: Option<Splitter>,
     picture: Picture,
-    exact: Exact,
+    per_pixel: PerPixel,
 }
 
 /// What a [`SgHull`] is compiled for.
@@ -171,7 +171,7 @@ impl SgHull {
             stages: Stages::new(&make, &gather)?,
             splitter: splitter.transpose()?,
             picture: Picture::new(&make)?,
-            exact: Exact::new(&make)?,
+            per_pixel: PerPixel::new(&make)?,
         })
     }
 
@@ -204,11 +204,11 @@ impl SgHull {
         encoder.clear_buffer(&hull.counts, 0, None);
         // Where no quad can be split there is nothing to do.
         let splitter = self.splitter.as_ref();
-        let splitter = splitter.filter(|_| hull.size.splits > 0 && settings.misfit > 0.0);
+        let splitter = splitter.filter(|_| hull.size.splits > 0 && settings.error_threshold > 0.0);
         let planned = self.plans.of(&recording);
         let mut pass = first_pass(encoder, LABEL, input.timestamps);
         self.stages.record(&mut pass, &planned, splitter);
-        self.exact.gather(&mut pass, &planned);
+        self.per_pixel.gather(&mut pass, &planned);
         drop(pass);
 
         let mut pass = screen::begin(
@@ -220,7 +220,7 @@ impl SgHull {
             false,
         );
         self.picture.draw(&mut pass, &recording, splitter.is_some());
-        self.exact.draw_points(&mut pass, &recording);
+        self.per_pixel.draw_points(&mut pass, &recording);
         Ok(())
     }
 
@@ -229,7 +229,7 @@ impl SgHull {
     ///
     /// # Errors
     /// As [`SgHull::record`].
-    pub fn record_exact(
+    pub fn record_per_pixel(
         &self,
         device: &Device,
         encoder: &mut CommandEncoder,
@@ -246,7 +246,7 @@ impl SgHull {
             input.timestamps,
             true,
         );
-        self.exact.draw_all(&mut pass, &recording);
+        self.per_pixel.draw_all(&mut pass, &recording);
         Ok(())
     }
 }

@@ -14,10 +14,10 @@ pub(crate) enum HullStage {
     Plan,
     Place,
     Gather,
-    Judge,
+    Classify,
     Split,
     Shade,
-    Exact,
+    PerPixel,
 }
 
 /// What a surface reflects depends on.
@@ -43,9 +43,9 @@ pub(super) fn source(
             "sg_hull_place",
             include_str!("../../wgsl/sg_hull_place.wgsl"),
         ),
-        HullStage::Judge => (
-            "sg_hull_judge",
-            include_str!("../../wgsl/sg_hull_judge.wgsl"),
+        HullStage::Classify => (
+            "sg_hull_classify",
+            include_str!("../../wgsl/sg_hull_classify.wgsl"),
         ),
         HullStage::Split => (
             "sg_hull_split",
@@ -56,9 +56,9 @@ pub(super) fn source(
             include_str!("../../wgsl/sg_hull_gather.wgsl"),
         ),
         HullStage::Shade => ("sg_hull", include_str!("../../wgsl/sg_hull.wgsl")),
-        HullStage::Exact => (
-            "sg_hull_exact",
-            include_str!("../../wgsl/sg_hull_exact.wgsl"),
+        HullStage::PerPixel => (
+            "sg_hull_per_pixel",
+            include_str!("../../wgsl/sg_hull_per_pixel.wgsl"),
         ),
     };
     let flags: Vec<&str> = [(variant.albedo, "ALBEDO"), (variant.glossy, "GLOSSY")]
@@ -80,7 +80,7 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
         ("sg_hull_segment", HullStage::Segment),
         ("sg_hull_plan", HullStage::Plan),
         ("sg_hull_place", HullStage::Place),
-        ("sg_hull_judge", HullStage::Judge),
+        ("sg_hull_classify", HullStage::Classify),
         ("sg_hull_split", HullStage::Split),
     ] {
         all.add(name, source("", stage, plain)?);
@@ -99,8 +99,8 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
             let variant = HullVariant { albedo, glossy };
             let flags = [(albedo, "albedo"), (glossy, "glossy")];
             for (gatherer, name) in gatherers {
-                let name = name_of(&format!("sg_hull_exact {name}"), &flags);
-                all.add(&name, source(gatherer, HullStage::Exact, variant)?);
+                let name = name_of(&format!("sg_hull_per_pixel {name}"), &flags);
+                all.add(&name, source(gatherer, HullStage::PerPixel, variant)?);
             }
             let name = name_of("sg_hull", &flags);
             all.add(&name, source("", HullStage::Shade, variant)?);

@@ -16,8 +16,8 @@ pub struct SgHullParams {
     pub(crate) tiles: [u32; 2],
     pub(crate) f0: [f32; 3],
     pub(crate) texel: u32,
-    pub(crate) exact_room: u32,
-    pub(crate) misfit: f32,
+    pub(crate) per_pixel_capacity: u32,
+    pub(crate) error_threshold: f32,
     pub(crate) plane_distance: f32,
     pub(crate) gap: f32,
     pub(crate) normal_cosine: f32,
@@ -45,8 +45,8 @@ impl SgHullParams {
             tiles: size.tiles(),
             f0: settings.f0,
             texel: size.texel(),
-            exact_room: size.exact,
-            misfit: settings.misfit.min(f32::MAX),
+            per_pixel_capacity: size.per_pixel,
+            error_threshold: settings.error_threshold.min(f32::MAX),
             plane_distance: settings.plane_distance,
             gap: settings.gap,
             normal_cosine: cosine,
@@ -118,11 +118,11 @@ pub struct SgHullCounts {
     pub gathered: u32,
     /// Arguments of the draw of quads: 4, quads, 0, 0.
     pub draw: [u32; 4],
-    /// Quads, and parts of split ones, whose misfit reaches [`SgHullSettings::misfit`](crate::SgHullSettings::misfit) and that
+    /// Quads, and parts of split ones, whose error reaches [`SgHullSettings::error_threshold`](crate::SgHullSettings::error_threshold) and that
     /// are not split, tiny ones, and those of last resort.
-    pub misfits: u32,
+    pub rejected: u32,
     /// Their pixels, whose light is gathered at each of them.
-    pub exact_pixels: u32,
+    pub per_pixel: u32,
     /// The mean irradiance at the vertices, over colour channels as well, W/m².
     pub mean_irradiance: f32,
     /// Quads of one normal that do not fit, and parts of them, that are split in four, room or not
@@ -150,8 +150,8 @@ impl SgHullCounts {
     }
 
     /// Pixels that were to be gathered each for itself and found no room: the hull shades them.
-    pub fn exact_overflow(&self, size: &SgHullSize) -> u32 {
-        self.exact_pixels.saturating_sub(size.exact)
+    pub fn per_pixel_overflow(&self, size: &SgHullSize) -> u32 {
+        self.per_pixel.saturating_sub(size.per_pixel)
     }
 
     /// Splits that found no room: their pixels are gathered each for itself.

@@ -21,7 +21,7 @@ use crate::{
 pub(super) enum Plan {
     Vertices,
     Gather,
-    Judge,
+    Classify,
     Points,
     Divide,
     List,
@@ -32,7 +32,7 @@ impl Plan {
     const ALL: [Self; 7] = [
         Self::Vertices,
         Self::Gather,
-        Self::Judge,
+        Self::Classify,
         Self::Points,
         Self::Divide,
         Self::List,
@@ -43,7 +43,7 @@ impl Plan {
         match self {
             Self::Vertices => "plan_vertices",
             Self::Gather => "plan_gather",
-            Self::Judge => "plan_judge",
+            Self::Classify => "plan_classify",
             Self::Points => "plan_points",
             Self::Divide => "plan_divide",
             Self::List => "plan_list",

@@ -44,8 +44,8 @@ impl Recording<'_> {
             Resource::List => &hull.list,
             Resource::Splits => &hull.splits,
             Resource::Parts => &hull.parts,
-            Resource::Misfits => &hull.misfits,
-            Resource::Exact => &hull.exact,
+            Resource::Rejected => &hull.rejected,
+            Resource::PerPixel => &hull.per_pixel,
             Resource::Counts => &hull.counts,
             Resource::Dispatch => &hull.dispatch,
         };

@@ -30,9 +30,9 @@ pub struct SgHullSize {
     /// them, and as many again with fine geometry. 480 bytes each. What finds no room goes, with the rest of its tile, to one segment, and is counted
     /// ([`SgHullCounts`](crate::SgHullCounts)). Default 65536.
     pub segments: u32,
-    /// Pixels that there is room for whose light is gathered at each of them ([`SgHullSettings::misfit`]), 1…2^23, 16 bytes
+    /// Pixels that there is room for whose light is gathered at each of them ([`SgHullSettings::error_threshold`]), 1…2^23, 16 bytes
     /// each. The hull shades those that find none, and they are counted. Default: all, as far as the range goes.
-    pub exact: u32,
+    pub per_pixel: u32,
     /// Quads of one normal that do not fit, and parts of them, that there is room for to be split in four, 0…2^18, 624 bytes
     /// each. The pixels of those that find none are gathered each for itself, and they are counted. Of no use, and not
     /// allocated, with [`SgHullDescriptor::glossy`](crate::SgHullDescriptor::glossy). Default 32768.
@@ -40,7 +40,7 @@ pub struct SgHullSize {
 }
 
 /// Largest room for pixels: a binding of 128 MiB.
-const MAX_EXACT: u32 = 1 << 23;
+const MAX_PER_PIXEL: u32 = 1 << 23;
 
 /// Side of a tile in texels.
 pub(crate) const TILE: u32 = 32;
@@ -53,9 +53,9 @@ impl SgHullSize {
             height,
             grid: 640,
             segments: 65536,
-            exact: match width.saturating_mul(height) {
+            per_pixel: match width.saturating_mul(height) {
                 0 => 1,
-                pixels if pixels > MAX_EXACT => MAX_EXACT,
+                pixels if pixels > MAX_PER_PIXEL => MAX_PER_PIXEL,
                 pixels => pixels,
             },
             splits: 32768,
@@ -89,9 +89,9 @@ impl SgHullSize {
             "0 to 2^20",
         )?;
         check_setting(
-            (1..=MAX_EXACT).contains(&self.exact),
-            "SgHullSize::exact",
-            self.exact,
+            (1..=MAX_PER_PIXEL).contains(&self.per_pixel),
+            "SgHullSize::per_pixel",
+            self.per_pixel,
             "1 to 2^23",
         )?;
         check_setting(
@@ -147,7 +147,7 @@ pub struct SgHullSettings {
     /// the truth, as slow as the truth. Infinite: only at those of quads of last resort and tiny ones. Default 0.3: over
     /// five of the crate's scenes at 1280x720 (`cargo bench --bench sg_hull`) the RMSE is at most 2.3 % of the mean, and light
     /// is gathered at 5 % of the pixels at most.
-    pub misfit: f32,
+    pub error_threshold: f32,
     /// Reflectance of glossy surfaces seen straight on, linear RGB, 0…1, as
     /// [`HitResolverSettings::f0`](crate::HitResolverSettings::f0); of use with
     /// [`SgHullDescriptor::glossy`](crate::SgHullDescriptor::glossy) alone. Default 0.04, that of glass and most plastics;
@@ -162,7 +162,7 @@ impl Default for SgHullSettings {
             plane_distance: 0.004,
             gap: 0.1,
             normal_angle: 0.25,
-            misfit: 0.3,
+            error_threshold: 0.3,
             f0: [0.04; 3],
         }
     }
@@ -198,9 +198,9 @@ impl SgHullSettings {
             "0 to pi",
         )?;
         check_setting(
-            self.misfit >= 0.0,
-            "SgHullSettings::misfit",
-            self.misfit,
+            self.error_threshold >= 0.0,
+            "SgHullSettings::error_threshold",
+            self.error_threshold,
             "0 or more",
         )?;
         for channel in self.f0 {

@@ -5,7 +5,7 @@ use wgpu::{ComputePass, ComputePipeline, ShaderModule, ShaderStages};
 use super::{
     bindings::{
         Bindings,
-        Resource::{Counts, Misfits, Params, Parts, Receivers, SegmentOf, Segments, Splits},
+        Resource::{Counts, Params, Parts, Receivers, Rejected, SegmentOf, Segments, Splits},
     },
     modules::HullStage,
     pipelines::Maker,
@@ -40,7 +40,7 @@ impl Splitter {
                 (4, Counts, WRITE),
                 (5, Splits, WRITE),
                 (6, Parts, WRITE),
-                (7, Misfits, WRITE),
+                (7, Rejected, WRITE),
             ],
         );
         let gather_bindings = make.bindings(

@@ -6,8 +6,8 @@ use super::{
     bindings::{
         Bindings,
         Resource::{
-            Counts, Exact, List, Misfits, Others, Params, Receivers, SegmentOf, Segments, Splits,
-            Vertices,
+            Counts, List, Others, Params, PerPixel, Receivers, Rejected, SegmentOf, Segments,
+            Splits, Vertices,
         },
     },
     modules::HullStage,
@@ -30,9 +30,9 @@ pub(super) struct Stages {
     place: ComputePipeline,
     gather_bindings: Bindings,
     gather: ComputePipeline,
-    judge_bindings: Bindings,
+    classify_bindings: Bindings,
     mean: ComputePipeline,
-    judge: ComputePipeline,
+    classify: ComputePipeline,
     list: ComputePipeline,
 }
 
@@ -70,7 +70,7 @@ impl Stages {
                 (3, Vertices, WRITE),
             ],
         );
-        let judge_bindings = make.bindings(
+        let classify_bindings = make.bindings(
             ShaderStages::COMPUTE,
             &[
                 (0, Params, UNIFORM),
@@ -79,14 +79,14 @@ impl Stages {
                 (4, Counts, WRITE),
                 (5, Vertices, WRITE),
                 (6, List, READ),
-                (7, Misfits, WRITE),
-                (8, Exact, WRITE),
+                (7, Rejected, WRITE),
+                (8, PerPixel, WRITE),
                 (9, Splits, WRITE),
             ],
         );
         let propagates = make.descriptor.components == Components::Propagation;
-        let judge_module = make.module(HullStage::Judge)?;
-        let judging = |entry| make.kernel(&judge_module, entry, &judge_bindings, &[]);
+        let classify_module = make.module(HullStage::Classify)?;
+        let classifying = |entry| make.kernel(&classify_module, entry, &classify_bindings, &[]);
         Ok(Self {
             segment: make.kernel(
                 &make.module(HullStage::Segment)?,
@@ -101,13 +101,13 @@ impl Stages {
                 &[],
             ),
             gather: make.gathering_kernel(gather_module, "gather_vertices", &gather_bindings),
-            mean: judging("mean"),
-            judge: judging("judge"),
-            list: judging("list_pixels"),
+            mean: classifying("mean"),
+            classify: classifying("classify"),
+            list: classifying("list_pixels"),
             segment_bindings,
             place_bindings,
             gather_bindings,
-            judge_bindings,
+            classify_bindings,
         })
     }
 
@@ -127,14 +127,14 @@ impl Stages {
         planned.run(pass, Plan::Vertices, &[(&self.place, &place)]);
         let gather = self.gather_bindings.group(recording);
         planned.run(pass, Plan::Gather, &[(&self.gather, &gather)]);
-        let judge = self.judge_bindings.group(recording);
+        let classify = self.classify_bindings.group(recording);
         pass.set_pipeline(&self.mean);
-        pass.set_bind_group(0, &judge, &[]);
+        pass.set_bind_group(0, &classify, &[]);
         pass.dispatch_workgroups(1, 1, 1);
-        planned.run(pass, Plan::Judge, &[(&self.judge, &judge)]);
+        planned.run(pass, Plan::Classify, &[(&self.classify, &classify)]);
         if let Some(splitter) = splitter {
             splitter.record(pass, planned);
         }
-        planned.run(pass, Plan::List, &[(&self.list, &judge)]);
+        planned.run(pass, Plan::List, &[(&self.list, &classify)]);
     }
 }

@@ -13,10 +13,10 @@ use crate::{
     receivers::{Receivers, check_view_size, plane_bytes},
 };
 
-/// Bytes of `Split`, `Part` (`wgsl/common/sg_hull_split.wgsl`) and `Misfit` (`wgsl/common/sg_hull.wgsl`).
+/// Bytes of `Split`, `Part` (`wgsl/common/sg_hull_split.wgsl`) and `RejectedQuad` (`wgsl/common/sg_hull.wgsl`).
 pub(crate) const SPLIT_BYTES: u64 = 240;
 pub(crate) const PART_BYTES: u64 = 80;
-pub(crate) const MISFIT_BYTES: u64 = 16;
+pub(crate) const REJECTED_BYTES: u64 = 16;
 
 /// The buffers of one view.
 #[derive(Debug)]
@@ -35,9 +35,9 @@ pub struct SgHullView {
     /// Parts that fit.
     pub(super) parts: Buffer,
     /// Quads and parts whose light is gathered at each pixel.
-    pub(super) misfits: Buffer,
+    pub(super) rejected: Buffer,
     /// Their pixels.
-    pub(super) exact: Buffer,
+    pub(super) per_pixel: Buffer,
     pub(super) counts: Buffer,
     /// Arguments of one dispatch after another. A kernel cannot write the buffer that its own come from.
     pub(super) dispatch: Buffer,
@@ -80,14 +80,14 @@ impl SgHullView {
                 4 * splits.max(1) * PART_BYTES,
                 none,
             )?,
-            misfits: buffer(
-                "deep-screen-space hull misfits",
-                (capacity + 4 * splits) * MISFIT_BYTES,
+            rejected: buffer(
+                "deep-screen-space hull rejected",
+                (capacity + 4 * splits) * REJECTED_BYTES,
                 none,
             )?,
-            exact: buffer(
-                "deep-screen-space hull exact",
-                u64::from(size.exact) * 16,
+            per_pixel: buffer(
+                "deep-screen-space hull per pixel",
+                u64::from(size.per_pixel) * 16,
                 none,
             )?,
             dispatch: buffer(
@@ -139,8 +139,8 @@ impl SgHullView {
             + self.list.size()
             + self.splits.size()
             + self.parts.size()
-            + self.misfits.size()
-            + self.exact.size()
+            + self.rejected.size()
+            + self.per_pixel.size()
             + self.counts.size()
             + self.dispatch.size()
     }

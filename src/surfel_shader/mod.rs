@@ -251,7 +251,7 @@ impl SurfelShader {
         let mut lights: Vec<Option<&ShadedLight<'_>>> = input
             .lights
             .iter()
-            .filter(|shaded| shaded.light.shines())
+            .filter(|shaded| shaded.light.is_emitting())
             .map(Some)
             .collect();
         if lights.is_empty() {

@@ -16,7 +16,7 @@ pub struct TemporalParams {
     pub(crate) max_frames: f32,
     pub(crate) depth_tolerance: f32,
     pub(crate) normal_tolerance: f32,
-    pub(crate) deviations: f32,
+    pub(crate) clip_deviations: f32,
     pub(crate) still: u32,
     pub(crate) forget: u32,
     pub(crate) previous_focus: [f32; 3],
@@ -44,7 +44,7 @@ impl TemporalParams {
             max_frames: settings.max_frames as f32,
             depth_tolerance: settings.depth_tolerance,
             normal_tolerance: settings.normal_tolerance,
-            deviations: if settings.clamping > 0.0 {
+            clip_deviations: if settings.clamping > 0.0 {
                 (1.0 / settings.clamping).min(1e18)
             } else {
                 0.0

@@ -116,7 +116,7 @@ fn trace(
     let builder = pipelines::bvh_builder(primitives);
     let bvh = builder.create(device, cloud).expect("a hierarchy");
     let view = pass
-        .create_view(device, width, height, settings.directions)
+        .create_view(device, width, height, settings.rays_per_pixel)
         .expect("a view");
     let mut encoder = gpu.encoder();
     builder
@@ -154,13 +154,13 @@ fn receivers(gpu: &Gpu, view: &BouncedView) -> Vec<Option<Receiver>> {
 /// Whether each ray hits: pixel after pixel, the directions of each in order; `None` for the sky.
 fn blocked(gpu: &Gpu, view: &BouncedView, settings: &BouncedSettings) -> Vec<Option<bool>> {
     let words: Vec<u32> = gpu.read_buffer(view.blocked().expect("bits"));
-    let each = settings.directions.div_ceil(32) as usize;
+    let each = settings.rays_per_pixel.div_ceil(32) as usize;
     receivers(gpu, view)
         .iter()
         .zip(words.chunks(each))
         .flat_map(|(receiver, words)| {
             let seen = receiver.is_some();
-            (0..settings.directions as usize)
+            (0..settings.rays_per_pixel as usize)
                 .map(move |i| seen.then(|| words[i / 32] >> (i % 32) & 1 != 0))
         })
         .collect()
@@ -186,7 +186,7 @@ fn surfels_hit(
     settings: &BouncedSettings,
 ) -> Vec<Option<(usize, bool)>> {
     let texture = view.radiance().expect("colours").texture();
-    let layers: Vec<Vec<u32>> = (0..settings.directions)
+    let layers: Vec<Vec<u32>> = (0..settings.rays_per_pixel)
         .map(|layer| gpu.read_texture(texture, layer))
         .collect();
     (0..layers[0].len())
@@ -203,9 +203,9 @@ fn surfels_hit(
         .collect()
 }
 
-fn settings(directions: u32, disks: DiskSettings) -> BouncedSettings {
+fn settings(rays_per_pixel: u32, disks: DiskSettings) -> BouncedSettings {
     BouncedSettings {
-        directions,
+        rays_per_pixel,
         disks,
         ..BouncedSettings::default()
     }
@@ -218,7 +218,7 @@ fn rays(
     settings: &BouncedSettings,
 ) -> Vec<PixelRay> {
     let width = camera.viewport().width;
-    let each = settings.directions as usize;
+    let each = settings.rays_per_pixel as usize;
     directions(receivers, width, settings, Sampling::Cosine)
         .iter()
         .enumerate()
@@ -438,7 +438,7 @@ fn every_surfel_is_in_one_sub_buffer_a_level() {
         let mut met = BTreeSet::new();
         for (i, hit) in surfels_hit(gpu, &view, &settings).iter().enumerate() {
             if let Some((surfel, _)) = hit {
-                let pixel = i as u32 / settings.directions;
+                let pixel = i as u32 / settings.rays_per_pixel;
                 let pixel = [pixel % view.size()[0], pixel / view.size()[0]];
                 let sub_buffer = sub_buffer_of(pixel, level, disks.seed);
                 assert_eq!(
@@ -622,21 +622,21 @@ fn traced(shot: &Shot, rays: &[PixelRay], radius: f32) -> Vec<bool> {
 
 /// Share of rays that hit nothing and should; share that hit something and should not; and the root mean square error of
 /// pixels' means.
-fn errors(found: &[bool], truth: &[bool], directions: usize) -> [f64; 3] {
+fn errors(found: &[bool], truth: &[bool], rays_per_pixel: usize) -> [f64; 3] {
     let rays = found.len() as f64;
     let count = |of: [bool; 2]| {
         let pairs = found.iter().zip(truth);
         pairs.filter(|(f, t)| [**f, **t] == of).count() as f64 / rays
     };
     let squares: f64 = found
-        .chunks(directions)
-        .zip(truth.chunks(directions))
+        .chunks(rays_per_pixel)
+        .zip(truth.chunks(rays_per_pixel))
         .map(|(found, truth)| {
             let blocked = |rays: &[bool]| rays.iter().filter(|b| **b).count() as f64;
-            ((blocked(found) - blocked(truth)) / directions as f64).powi(2)
+            ((blocked(found) - blocked(truth)) / rays_per_pixel as f64).powi(2)
         })
         .sum();
-    let rmse = (squares / (rays / directions as f64)).sqrt();
+    let rmse = (squares / (rays / rays_per_pixel as f64)).sqrt();
     [count([false, true]), count([true, false]), rmse]
 }
 

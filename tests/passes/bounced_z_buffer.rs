@@ -32,9 +32,9 @@ const SAMPLINGS: [Sampling; 2] = [Sampling::Cosine, Sampling::Uniform];
 /// octahedral normal of a curved surface may also be rounded to the next step, which turns all rays of a pixel by 3e-5.
 const ODD_RAYS: f64 = 2e-3;
 
-fn settings(directions: u32) -> BouncedSettings {
+fn settings(rays_per_pixel: u32) -> BouncedSettings {
     BouncedSettings {
-        directions,
+        rays_per_pixel,
         ..BouncedSettings::default()
     }
 }
@@ -59,12 +59,12 @@ fn compare(
         sampling,
         pieces: &senders.pieces,
     };
-    let rays = (receivers.iter().flatten().count() * settings.directions as usize).max(1);
+    let rays = (receivers.iter().flatten().count() * settings.rays_per_pixel as usize).max(1);
     let odd = differing_bits(&found, &tracing.blocked());
     let blocked: u32 = found.iter().map(|word| word.count_ones()).sum();
     println!("{name}: {odd} of {rays} rays differ, {blocked} blocked");
     // Any hit will do: none is nearer than the nearest, and where there is one it is somewhere.
-    let words = settings.directions.div_ceil(32).max(1) as usize;
+    let words = settings.rays_per_pixel.div_ceil(32).max(1) as usize;
     let near: Vec<u32> = lab.gpu.read_buffer(view.nearness());
     let most = tracing.nearness().into_iter().map(f64::from);
     let nearer = near
@@ -138,14 +138,14 @@ fn compare_colors(
     assert_eq!(found.len(), expected.len(), "{name}");
     assert!(found.iter().all(|bits| unpack_color(*bits).is_finite()));
     let odd = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
-    let rays = (receivers.iter().flatten().count() * settings.directions as usize).max(1);
+    let rays = (receivers.iter().flatten().count() * settings.rays_per_pixel as usize).max(1);
     println!(
         "{name}: {odd} of {rays} colours differ, {:?}",
         senders.counts
     );
     // A pixel is odd where one of its rays is.
     let odd_pixels = compare_nearness(name, &view, &tracing);
-    let allowed = ODD_RAYS * f64::from(settings.directions);
+    let allowed = ODD_RAYS * f64::from(settings.rays_per_pixel);
     assert!(odd_pixels <= allowed, "{name}: {odd_pixels}");
     odd as f64 / rays as f64
 }
@@ -193,23 +193,23 @@ fn hits_are_the_mirrors() {
         for cloud in [triangles(), thinned] {
             let senders = senders_of(&shot, &cloud);
             assert_eq!(senders.counts.piece_overflow(AMPLE), 0, "{}", scene.name);
-            for (&(directions, frame, radius), sampling) in
+            for (&(rays_per_pixel, frame, radius), sampling) in
                 cases.iter().zip(SAMPLINGS.into_iter().cycle())
             {
                 let settings = BouncedSettings {
                     frame,
                     radius,
-                    ..settings(directions)
+                    ..settings(rays_per_pixel)
                 };
                 let name = format!(
-                    "{} density {}: {directions} directions, frame {frame}, radius {radius}, {sampling:?}, {} pieces",
+                    "{} density {}: {rays_per_pixel} rays per pixel, frame {frame}, radius {radius}, {sampling:?}, {} pieces",
                     scene.name,
                     cloud.density,
                     senders.pieces.len()
                 );
                 let odd = compare(&name, &shot, &senders, &settings, sampling);
                 // Of the few rays of a small image four may be odd, whatever share that is.
-                let few = 4.0 / (shot.pixels.len() as f64 * f64::from(directions));
+                let few = 4.0 / (shot.pixels.len() as f64 * f64::from(rays_per_pixel));
                 assert!(odd <= ODD_RAYS.max(few), "{name}: {odd}");
             }
         }
@@ -221,7 +221,7 @@ const ODD_COLORS: f64 = 3e-3;
 
 #[test]
 fn colors_are_the_mirrors() {
-    for (scene, size, directions, sampling) in [
+    for (scene, size, rays_per_pixel, sampling) in [
         (scenes::closed_room(), 32, 5, Sampling::Uniform),
         (scenes::cornell(), 48, 4, Sampling::Cosine),
         (scenes::dominoes(), 24, 16, Sampling::Cosine),
@@ -237,7 +237,7 @@ fn colors_are_the_mirrors() {
             let settings = BouncedSettings {
                 radius,
                 sky_radiance: [0.1, 20.0, 3e-4],
-                ..settings(directions)
+                ..settings(rays_per_pixel)
             };
             let name = format!("{} radius {radius}", scene.name);
             let odd = compare_colors(&name, &shot, &senders, &settings, sampling);
@@ -416,7 +416,7 @@ fn escaped(shot: &Shot, senders: &rays::Senders, settings: &BouncedSettings) -> 
     let lab = lab();
     let view = lab.trace(shot, senders, None, settings, Sampling::Uniform);
     let bits = lab.blocked(&view, settings);
-    let rays = shot.pixels.iter().flatten().count() * settings.directions as usize;
+    let rays = shot.pixels.iter().flatten().count() * settings.rays_per_pixel as usize;
     let blocked: u32 = bits.iter().map(|word| word.count_ones()).sum();
     (rays - blocked as usize, rays)
 }
@@ -1032,11 +1032,11 @@ fn settings_out_of_range_are_typed_errors() {
     assert_eq!(good.validate(), Ok(()));
     for good in [
         BouncedSettings {
-            directions: 0,
+            rays_per_pixel: 0,
             ..good
         },
         BouncedSettings {
-            directions: 64,
+            rays_per_pixel: 64,
             ..good
         },
         BouncedSettings {
@@ -1057,10 +1057,10 @@ fn settings_out_of_range_are_typed_errors() {
     let bad = [
         (
             BouncedSettings {
-                directions: 65,
+                rays_per_pixel: 65,
                 ..good
             },
-            "BouncedSettings::directions",
+            "BouncedSettings::rays_per_pixel",
         ),
         (
             BouncedSettings {
@@ -1153,7 +1153,7 @@ fn what_does_not_fit_is_a_typed_error() {
     // Settings and views.
     assert_eq!(
         named(record(&input, &settings(65), &view)),
-        "BouncedSettings::directions"
+        "BouncedSettings::rays_per_pixel"
     );
     assert_eq!(named(record(&input, &settings(5), &view)), "BouncedView");
     for view in [
@@ -1163,15 +1163,18 @@ fn what_does_not_fit_is_a_typed_error() {
     ] {
         assert_eq!(named(record(&input, &settings(4), &view)), "BouncedView");
     }
-    for (width, height, directions, field) in [
-        (16, 8, 65, "directions"),
+    for (width, height, rays_per_pixel, field) in [
+        (16, 8, 65, "rays_per_pixel"),
         (0, 8, 4, "view size"),
         (16, 0, 4, "view size"),
     ] {
         for payload in [Payload::Occlusion, Payload::Radiance] {
-            let made = lab
-                .tracer(payload, Sampling::Cosine)
-                .create_view(device, width, height, directions);
+            let made = lab.tracer(payload, Sampling::Cosine).create_view(
+                device,
+                width,
+                height,
+                rays_per_pixel,
+            );
             assert_eq!(
                 named(made.map(|_| ())),
                 field,

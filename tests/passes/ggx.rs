@@ -86,7 +86,7 @@ fn pdf_integrates_to_one() {
 #[test]
 fn directions_follow_the_pdf() {
     const CELLS: usize = 12;
-    const DIRECTIONS: u32 = 40_000;
+    const RAYS_PER_PIXEL: u32 = 40_000;
     for (index, (lobe, inputs)) in (0..).zip(cases()) {
         let cell_of = |facet: DVec3| {
             let lean = facet.truncate().length() / facet.z.max(1e-30) / lobe.alpha;
@@ -106,7 +106,7 @@ fn directions_follow_the_pdf() {
             DVec3::ZERO
         });
         let mut found = vec![0.0; CELLS * CELLS];
-        for i in 0..DIRECTIONS {
+        for i in 0..RAYS_PER_PIXEL {
             let drawn = lobe.direction(random(index, i));
             found[cell_of(drawn.facet)] += 1.0;
             let mirrored = drawn.light + lobe.view - 2.0 * lobe.view.dot(drawn.facet) * drawn.facet;
@@ -114,7 +114,7 @@ fn directions_follow_the_pdf() {
         }
         let (mut chi2, mut freedom, mut rare) = (0.0, -1.0_f64, [0.0; 2]);
         for (expected, found) in expected.iter().zip(&found) {
-            let expected = expected * f64::from(DIRECTIONS);
+            let expected = expected * f64::from(RAYS_PER_PIXEL);
             if expected < 10.0 {
                 rare[0] += expected;
                 rare[1] += found;

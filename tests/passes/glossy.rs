@@ -90,7 +90,7 @@ fn camera() -> Camera {
 #[derive(Clone, Copy, Debug)]
 struct Job {
     payload: Payload,
-    directions: u32,
+    rays_per_pixel: u32,
     frame: u32,
     radius: u32,
     deferred: bool,
@@ -98,7 +98,7 @@ struct Job {
 
 const JOB: Job = Job {
     payload: Payload::Radiance,
-    directions: 16,
+    rays_per_pixel: 16,
     frame: 0,
     radius: 0,
     deferred: true,
@@ -226,10 +226,10 @@ impl Stage {
             deferred: job.deferred,
             target: TextureFormat::Rgba32Float,
         });
-        let view = bounced.create_view(device, SIDE, SIDE, job.directions)?;
+        let view = bounced.create_view(device, SIDE, SIDE, job.rays_per_pixel)?;
         let scratch = reconstructor.create_view(device, &view)?;
         let traced = BouncedSettings {
-            directions: job.directions,
+            rays_per_pixel: job.rays_per_pixel,
             frame: job.frame,
             sky_radiance: BACKGROUND,
             ..BouncedSettings::default()
@@ -401,7 +401,7 @@ fn without_a_window_the_mean_is_the_integral() {
             let truths = stage.truths(payload, roughness);
             let job = Job {
                 payload,
-                directions: 64,
+                rays_per_pixel: 64,
                 ..JOB
             };
             let found = stage.mean_picture(&job, &stage.constant(roughness), 4);
@@ -496,9 +496,9 @@ fn a_window_shares_hits_of_rough_receivers() {
     for roughness in [0.3, 1.0] {
         let texture = stage.constant(roughness);
         let truths = stage.truths(Payload::Radiance, roughness);
-        let rmse = |radius, deferred, directions, frames| {
+        let rmse = |radius, deferred, rays_per_pixel, frames| {
             let job = Job {
-                directions,
+                rays_per_pixel,
                 radius,
                 deferred,
                 ..JOB
@@ -552,7 +552,7 @@ fn the_window_is_its_mirror() {
     let texture = gpu.texture(TextureFormat::R32Float, SIDE, SIDE, &roughness);
     let target = gpu.target(TextureFormat::Rgba32Float, SIDE, SIDE);
     let job = Job {
-        directions: 4,
+        rays_per_pixel: 4,
         radius: 2,
         frame: 5,
         ..JOB
@@ -699,11 +699,11 @@ fn extremes_stay_finite() {
     let Stage { gpu, shot, .. } = &mut stage;
     shot.upload(gpu, &depth, &normal);
     for payload in [Payload::Radiance, Payload::Occlusion] {
-        for directions in [0, 1, 9] {
+        for rays_per_pixel in [0, 1, 9] {
             for deferred in [true, false] {
                 let job = Job {
                     payload,
-                    directions,
+                    rays_per_pixel,
                     deferred,
                     radius: 2,
                     ..JOB

@@ -17,9 +17,9 @@ use support::testing::shot::{Shot, camera_of};
 
 const SAMPLINGS: [Sampling; 2] = [Sampling::Cosine, Sampling::Uniform];
 
-fn traced(directions: u32) -> BouncedSettings {
+fn traced(rays_per_pixel: u32) -> BouncedSettings {
     BouncedSettings {
-        directions,
+        rays_per_pixel,
         ..BouncedSettings::default()
     }
 }
@@ -122,7 +122,7 @@ fn reconstruction_is_the_mirrors() {
                 .flat_map(|sampling| [(sampling, false), (sampling, true)])
             {
                 let reconstructor = lab.reconstructor(payload, sampling, deferred);
-                for (directions, frame, settings) in [
+                for (rays_per_pixel, frame, settings) in [
                     (4, 0, HitResolverSettings::default()),
                     (5, 9, own()),
                     (
@@ -132,7 +132,7 @@ fn reconstruction_is_the_mirrors() {
                             radius: 2,
                             plane_distance: 0.7,
                             normal_power: 40.0,
-                            deviations: 1.5,
+                            variance_clamp: 1.5,
                             spread: f32::INFINITY,
                             hit_distances: f32::INFINITY,
                             damping: f32::INFINITY,
@@ -160,19 +160,19 @@ fn reconstruction_is_the_mirrors() {
                     let traced = BouncedSettings {
                         frame,
                         sky_radiance: [3.0, 0.1, 0.4],
-                        ..traced(directions)
+                        ..traced(rays_per_pixel)
                     };
                     let hits = lab.trace(&shot, &senders, radiance, &traced, sampling);
                     let incoming: Vec<DVec3> = if radiance.is_some() {
                         let colors = lab.colors(&hits, &traced);
                         colors.into_iter().map(unpack_color).collect()
                     } else {
-                        let words = directions.div_ceil(32) as usize;
+                        let words = rays_per_pixel.div_ceil(32) as usize;
                         let bits = lab.blocked(&hits, &traced);
-                        (0..receivers.len() * directions as usize)
+                        (0..receivers.len() * rays_per_pixel as usize)
                             .map(|i| {
                                 let (pixel, index) =
-                                    (i / directions as usize, i % directions as usize);
+                                    (i / rays_per_pixel as usize, i % rays_per_pixel as usize);
                                 let word = bits[pixel * words + index / 32];
                                 DVec3::splat(f64::from(1 - ((word >> (index % 32)) & 1)))
                             })
@@ -214,7 +214,7 @@ fn reconstruction_is_the_mirrors() {
                         worst = worst.max(off);
                     }
                     let inputs = format!(
-                        "{} {payload:?} {sampling:?} deferred {deferred} {directions} {settings:?}",
+                        "{} {payload:?} {sampling:?} deferred {deferred} {rays_per_pixel} {settings:?}",
                         scene.name
                     );
                     println!("{inputs}: worst {worst:.1e}");
@@ -288,17 +288,17 @@ fn rays_have_no_bias() {
         let shot = shot_of(&scene, view, [48, 48]);
         let senders = senders_of(&shot, &triangles());
         let expected = truth(&shot, f64::from(radius), 256);
-        for directions in [1, 5, 16, 64] {
+        for rays_per_pixel in [1, 5, 16, 64] {
             let settings = BouncedSettings {
                 radius,
-                ..traced(directions)
+                ..traced(rays_per_pixel)
             };
             let found = openness(&shot, &senders, &settings, Sampling::Cosine, &own(), false);
             let errors = errors(&shot, &found, &expected);
             let n = errors.len() as f64;
             let mean = errors.iter().sum::<f64>() / n;
             let standard_error = rms(&errors) / n.sqrt();
-            let inputs = format!("{} {view} radius {radius}, {directions}", scene.name);
+            let inputs = format!("{} {view} radius {radius}, {rays_per_pixel}", scene.name);
             println!("{inputs}: mean error {mean:.2e}, standard error {standard_error:.2e}");
             assert!(
                 mean.abs() <= 3.0 * standard_error,
@@ -318,10 +318,10 @@ fn errors_fall_with_directions() {
         let expected = truth(&shot, f64::from(radius), 2048);
         for sampling in SAMPLINGS {
             let mut last = f64::INFINITY;
-            for directions in [1, 4, 16, 64] {
+            for rays_per_pixel in [1, 4, 16, 64] {
                 let settings = BouncedSettings {
                     radius,
-                    ..traced(directions)
+                    ..traced(rays_per_pixel)
                 };
                 let error = |filter: &HitResolverSettings, deferred| {
                     let found = openness(&shot, &senders, &settings, sampling, filter, deferred);
@@ -330,14 +330,14 @@ fn errors_fall_with_directions() {
                 let alone = error(&own(), false);
                 let filtered = error(&HitResolverSettings::default(), true);
                 let inputs = format!(
-                    "{} {view} radius {radius}, {sampling:?}, {directions} directions",
+                    "{} {view} radius {radius}, {sampling:?}, {rays_per_pixel} rays per pixel",
                     scene.name
                 );
                 println!("{inputs}: RMSE {alone:.4}, filtered {filtered:.4}");
                 // Independent rays would leave half the error for four times as many.
                 assert!(alone < 0.75 * last, "{inputs}: {alone} after {last}");
                 last = alone;
-                if directions == 64 {
+                if rays_per_pixel == 64 {
                     assert!(filtered < accepted, "{inputs}: {filtered}");
                 }
             }
@@ -404,8 +404,8 @@ fn furnace_is_uniform() {
             .flat_map(|sampling| [(sampling, false), (sampling, true)])
         {
             let reconstructor = lab.reconstructor(Payload::Radiance, sampling, deferred);
-            for directions in [1, 9] {
-                let traced = traced(directions);
+            for rays_per_pixel in [1, 9] {
+                let traced = traced(rays_per_pixel);
                 let hits = lab.trace(&shot, &senders, Some(&buffer), &traced, sampling);
                 let filter = HitResolverSettings::default();
                 let found = lab.reconstruct(reconstructor, &shot, &hits, &filter);
@@ -416,7 +416,7 @@ fn furnace_is_uniform() {
                     // A packed colour is within 1/256 of its largest channel.
                     assert!(
                         off <= 0.005 * expected.max_element(),
-                        "{sampling:?} {deferred} {directions}, pixel {i}: {found:?}, {expected}"
+                        "{sampling:?} {deferred} {rays_per_pixel}, pixel {i}: {found:?}, {expected}"
                     );
                 }
             }
@@ -441,8 +441,8 @@ fn no_directions_are_open_and_dark() {
             };
             let reconstructor = lab.reconstructor(payload, Sampling::Cosine, deferred);
             let view = lab.view(&shot, payload, Sampling::Cosine, 4);
-            for directions in [4, 0] {
-                let traced = traced(directions);
+            for rays_per_pixel in [4, 0] {
+                let traced = traced(rays_per_pixel);
                 lab.trace_into(&shot, &senders, radiance, &traced, Sampling::Cosine, &view);
             }
             let filter = HitResolverSettings::default();
@@ -588,38 +588,38 @@ fn frames_continue_each_other() {
     let shot = shot_of(&scene, 1, [48, 48]);
     let senders = senders_of(&shot, &triangles());
     let expected = truth(&shot, f64::INFINITY, 512);
-    for (frames, directions) in [(4, 4), (16, 4), (16, 1)] {
-        let picture = |frame, directions| {
+    for (frames, rays_per_pixel) in [(4, 4), (16, 4), (16, 1)] {
+        let picture = |frame, rays_per_pixel| {
             let settings = BouncedSettings {
                 frame,
-                ..traced(directions)
+                ..traced(rays_per_pixel)
             };
             openness(&shot, &senders, &settings, Sampling::Cosine, &own(), false)
         };
         let mut mean = vec![0.0; expected.len()];
         for frame in 0..frames {
-            for (m, v) in mean.iter_mut().zip(picture(frame, directions)) {
+            for (m, v) in mean.iter_mut().zip(picture(frame, rays_per_pixel)) {
                 *m += v / f64::from(frames);
             }
         }
         let [one, mean, at_once] = [
-            picture(0, directions),
+            picture(0, rays_per_pixel),
             mean,
-            picture(0, directions * frames),
+            picture(0, rays_per_pixel * frames),
         ]
         .map(|found| rms(&errors(&shot, &found, &expected)));
         println!(
-            "{frames} frames of {directions}: one {one:.4}, mean {mean:.4}, at once {at_once:.4}"
+            "{frames} frames of {rays_per_pixel}: one {one:.4}, mean {mean:.4}, at once {at_once:.4}"
         );
         // Measured at 0.51 to 0.72, where independent frames leave 1.04.
         assert!(
             mean < 0.8 * one / f64::from(frames).sqrt(),
-            "mean over {frames} of {directions}: {mean}, {one}"
+            "mean over {frames} of {rays_per_pixel}: {mean}, {one}"
         );
         // Measured at 0.94 to 1.14: of few frames the points do not end where their cells do.
         assert!(
             mean < 1.25 * at_once,
-            "{frames} of {directions}: {mean}, {at_once}"
+            "{frames} of {rays_per_pixel}: {mean}, {at_once}"
         );
     }
 }
@@ -692,7 +692,7 @@ fn settings_out_of_range_are_typed_errors() {
         HitResolverSettings { radius: 16, ..good },
         HitResolverSettings {
             normal_power: 1000.0,
-            deviations: 100.0,
+            variance_clamp: 100.0,
             ..good
         },
         HitResolverSettings {
@@ -773,17 +773,17 @@ fn settings_out_of_range_are_typed_errors() {
         ),
         (
             HitResolverSettings {
-                deviations: -1.0,
+                variance_clamp: -1.0,
                 ..good
             },
-            "HitResolverSettings::deviations",
+            "HitResolverSettings::variance_clamp",
         ),
         (
             HitResolverSettings {
-                deviations: f32::NAN,
+                variance_clamp: f32::NAN,
                 ..good
             },
-            "HitResolverSettings::deviations",
+            "HitResolverSettings::variance_clamp",
         ),
     ];
     fields_refused(bad, HitResolverSettings::validate);
@@ -822,7 +822,8 @@ fn what_does_not_fit_is_a_typed_error() {
     }
     let format = wgpu::TextureFormat::Rgba32Float;
     let reconstructor = lab.reconstructor(Payload::Radiance, Sampling::Cosine, true);
-    let view = |payload, sampling, directions| lab.view(&shot, payload, sampling, directions);
+    let view =
+        |payload, sampling, rays_per_pixel| lab.view(&shot, payload, sampling, rays_per_pixel);
     let four = traced(4);
     let dark = vec![SurfelRadiance::default(); senders.cloud.capacity().surfels as usize];
     let dark = lab.gpu.buffer(&dark, wgpu::BufferUsages::STORAGE);

@@ -164,7 +164,7 @@ impl Lab {
         };
         if exact {
             self.hull
-                .record_exact(
+                .record_per_pixel(
                     device,
                     &mut encoder,
                     &input,

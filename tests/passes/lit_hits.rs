@@ -119,7 +119,7 @@ impl Case {
             [viewport.width, viewport.height]
         };
         let view = LIT
-            .create_view(device, width, height, settings.directions)
+            .create_view(device, width, height, settings.rays_per_pixel)
             .expect("a view");
         let mut encoder = lab().gpu.encoder();
         LIT.record(device, &mut encoder, &self.input(lights), settings, &view)
@@ -162,9 +162,9 @@ impl Case {
     }
 }
 
-fn settings(directions: u32) -> BouncedSettings {
+fn settings(rays_per_pixel: u32) -> BouncedSettings {
     BouncedSettings {
-        directions,
+        rays_per_pixel,
         sky_radiance: [0.3, 0.2, 0.1],
         ..BouncedSettings::default()
     }
@@ -252,7 +252,7 @@ fn lamps_on_surfaces_lose_no_light() {
         let origin = case.senders.cloud.origin();
         let receivers = case.shot.receivers(origin);
         let settings = BouncedSettings {
-            directions: 16,
+            rays_per_pixel: 16,
             ..BouncedSettings::default()
         };
         let tracing = Tracing {
@@ -325,7 +325,7 @@ fn a_shade_below_a_lamp_hides_it() {
         intensity: [100.0; 3],
     };
     let settings = BouncedSettings {
-        directions: 16,
+        rays_per_pixel: 16,
         ..BouncedSettings::default()
     };
     let found = lab().colors(&case.trace(&[lamp], &settings), &settings);
@@ -342,7 +342,7 @@ fn a_shade_below_a_lamp_hides_it() {
 #[test]
 fn double_sided_lamps_emit_from_both_sides() {
     let settings = BouncedSettings {
-        directions: 16,
+        rays_per_pixel: 16,
         sky_radiance: [0.0; 3],
         ..BouncedSettings::default()
     };
@@ -383,7 +383,7 @@ fn one_bounce_has_no_bias() {
     let case = Case::new(&scene, &camera_of(&scene, 0, [40, 40]), AMPLE);
     let all = lights(&scene, 1.0, DVec3::ZERO);
     let settings = BouncedSettings {
-        directions: 64,
+        rays_per_pixel: 64,
         ..BouncedSettings::default()
     };
     let colors = lab().colors(&case.trace(&all, &settings), &settings);

@@ -120,7 +120,7 @@ impl Job<'_> {
         };
         let mut encoder = gpu.encoder();
         if exact {
-            hull.record_exact(device, &mut encoder, &input, &self.settings, &view)
+            hull.record_per_pixel(device, &mut encoder, &input, &self.settings, &view)
         } else {
             hull.record(device, &mut encoder, &input, &self.settings, &view)
         }
@@ -242,7 +242,7 @@ fn corners_of(recorded: &Recorded, size: &SgHullSize) -> BTreeMap<u32, [Corner; 
         .collect()
 }
 
-/// By the hull alone, gathered at each pixel that the hull lists, and by `record_exact`; in a part of the target, with a
+/// By the hull alone, gathered at each pixel that the hull lists, and by `record_per_pixel`; in a part of the target, with a
 /// roughness that differs from pixel to pixel.
 #[test]
 fn pixels_are_those_of_the_mirror() {
@@ -263,7 +263,7 @@ fn pixels_are_those_of_the_mirror() {
         let roughness = roughness_of(&shot, value);
         let lights = lamps();
         let materials = scene.triangle_materials();
-        for (how, exact, misfit) in [
+        for (how, exact, error_threshold) in [
             ("hull", false, f32::INFINITY),
             ("listed", false, 0.0),
             ("exact", true, 0.3),
@@ -274,7 +274,7 @@ fn pixels_are_those_of_the_mirror() {
                 lights: &lights,
                 roughness: Some(&roughness),
                 settings: SgHullSettings {
-                    misfit,
+                    error_threshold,
                     f0: f0.as_vec3().to_array(),
                     ..SgHullSettings::default()
                 },
@@ -502,14 +502,14 @@ fn extremes_are_numbers() {
             }],
         ),
     ] {
-        for (exact, misfit) in [(false, 0.3), (false, f32::INFINITY), (true, 0.3)] {
+        for (exact, error_threshold) in [(false, 0.3), (false, f32::INFINITY), (true, 0.3)] {
             let job = Job {
                 shot: &shot,
                 gbuffer: shot.lit_gbuffer(),
                 lights: &lights,
                 roughness: Some(&roughness),
                 settings: SgHullSettings {
-                    misfit,
+                    error_threshold,
                     f0: [0.04, 0.0, 1.0],
                     ..SgHullSettings::default()
                 },
@@ -518,7 +518,7 @@ fn extremes_are_numbers() {
             for (i, found) in recorded.pixels.iter().enumerate() {
                 assert!(
                     found.is_finite() && found.min_element() >= 0.0 && recorded.alphas[i] == 1.0,
-                    "{name}, exact {exact}, misfit {misfit}: pixel {i} is {found}, roughness {}",
+                    "{name}, exact {exact}, error_threshold {error_threshold}: pixel {i} is {found}, roughness {}",
                     values[i % 8]
                 );
                 assert!(
@@ -717,7 +717,7 @@ fn what_does_not_fit_is_refused() {
             timestamps: None,
         };
         let encoder = &mut gpu.encoder();
-        hull.record_exact(device, encoder, &input, settings, &view)?;
+        hull.record_per_pixel(device, encoder, &input, settings, &view)?;
         hull.record(device, encoder, &input, settings, &view)
     };
     record(true, Some(good.texture().into()), &settings).expect("it fits");

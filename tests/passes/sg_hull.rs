@@ -14,10 +14,7 @@ use deep_screen_space::{
     glam::{DMat4, DVec3, DVec4},
     reference::{
         packing::unpack_normal,
-        sg_hull::{
-            Corner, Fit, Hull, Part, gather_lights, is_flat, is_tiny, misfit as reference_misfit,
-            shade,
-        },
+        sg_hull::{Corner, Fit, Hull, Part, gather_lights, is_flat, is_tiny, quad_error, shade},
         shell_splatter::Receiver,
     },
     scenes,
@@ -27,7 +24,7 @@ use deep_screen_space::{
 use support::testing::shot::{Shot, camera_of};
 use support::{
     gpu::Gpu,
-    hull::{HullRenderer, Lamp, difference},
+    hull::{HullRenderer, LightSource, difference},
     raster::{Raster, perspective},
     scene::SceneBuffers,
 };
@@ -312,12 +309,12 @@ fn vertices_and_pixels_are_those_of_the_mirror() {
         hull,
     } = &*LAB;
     let settings = SgHullSettings::default();
-    // Light beside a wall leaves the rest dark: there misfit is in units of the dimmest corner. Columns have it from their normals.
+    // Light beside a wall leaves the rest dark: there the error is in units of the dimmest corner. Columns have it from their normals.
     let beside = Light::Point {
         position: DVec3::new(-2.6, 2.7, 0.0),
         intensity: [1.0, 2.0, 3.0],
     };
-    for (name, quad, misfit, lights) in [
+    for (name, quad, error_threshold, lights) in [
         ("cornell", 4, 0.3, lamps()),
         ("cornell", 4, 0.3, vec![beside]),
         ("cornell", 16, 0.1, lamps()),
@@ -326,7 +323,7 @@ fn vertices_and_pixels_are_those_of_the_mirror() {
     ] {
         let settings = SgHullSettings {
             quad,
-            misfit,
+            error_threshold,
             ..settings
         };
         let scene = scenes::by_name(name).expect("a scene");
@@ -474,8 +471,8 @@ fn vertices_and_pixels_are_those_of_the_mirror() {
                 .iter()
                 .fold(1e-6, |s, c| f64::max(s, c.moments[1].total));
             let is = |expected: DVec3| found.distance(expected) <= 2e-3 * scale;
-            let bound = f64::from(settings.misfit);
-            let here = reference_misfit(&segment, list, mean);
+            let bound = f64::from(settings.error_threshold);
+            let here = quad_error(&segment, list, mean);
             // Rounding moves what is close to the bound either way.
             let whole = Part::whole(&segment, list);
             let splits = is_flat(&segment) && whole.can_be_split();
@@ -535,9 +532,9 @@ fn vertices_and_pixels_are_those_of_the_mirror() {
             "{name}"
         );
         assert!(
-            (exact..=exact + either).contains(&recorded.counts.exact_pixels),
+            (exact..=exact + either).contains(&recorded.counts.per_pixel),
             "{name}: {} of {exact} and {either}",
-            recorded.counts.exact_pixels
+            recorded.counts.per_pixel
         );
         // Most of a flat wall's are.
         assert!(
@@ -770,7 +767,7 @@ fn extreme_lights() {
 /// A scene drawn for a hull, and its lamp.
 struct Stage {
     gpu: &'static Gpu,
-    lamp: Lamp,
+    lamp: LightSource,
     buffers: SceneBuffers,
     camera: Camera,
     raster: Raster,
@@ -785,7 +782,7 @@ impl Stage {
         let camera = camera_of(&scene, 0, size);
         let buffers = SceneBuffers::new(gpu, &scene);
         Self {
-            lamp: Lamp::of(&scene).expect("a lamp"),
+            lamp: LightSource::of(&scene).expect("a lamp"),
             raster: Raster::draw(gpu, &buffers, &camera),
             gpu,
             buffers,
@@ -811,7 +808,7 @@ impl Stage {
     }
 
     fn truth(&self, renderer: &HullRenderer, lights: &GathererBinding) -> Picture {
-        let rendered = renderer.render_exact(self.gpu, &self.raster, &self.camera, lights);
+        let rendered = renderer.render_per_pixel(self.gpu, &self.raster, &self.camera, lights);
         rendered.expect("a picture").1
     }
 }
@@ -834,35 +831,45 @@ fn picture_is_close_to_the_truth() {
     assert!(mean > 0.02, "the picture is black: {mean}");
 }
 
-/// The bound on misfit: at 0 the picture is the truth, and between it and infinity the error falls with it. Pixels that
+/// The error threshold: at 0 the picture is the truth, and between it and infinity the error falls with it. Pixels that
 /// find no room are shaded by the hull, tiny segments as well.
 #[test]
-fn misfit_converges() {
+fn error_threshold_converges() {
     for name in ["fence", "cornell"] {
         let stage = Stage::new(name, [128, 96]);
         let size = SgHullSize::new(128, 96);
         let (mut renderer, lights) = stage.renderer(size);
         let truth = stage.truth(&renderer, &lights);
         let mut before = (f64::INFINITY, 0);
-        for misfit in [f32::INFINITY, 0.5, 0.1, 0.0] {
-            renderer.settings.misfit = misfit;
+        for error_threshold in [f32::INFINITY, 0.5, 0.1, 0.0] {
+            renderer.settings.error_threshold = error_threshold;
             let (found, counts) = stage.picture(&renderer, &lights);
             let off = difference(&found, &truth, 128);
-            println!("{name}, {misfit}: {off:?}, {} pixels", counts.exact_pixels);
-            assert!(
-                off.rmse < before.0 && counts.exact_pixels > before.1,
-                "{name}, {misfit}: {off:?} after {before:?}"
+            println!(
+                "{name}, {error_threshold}: {off:?}, {} pixels",
+                counts.per_pixel
             );
-            before = (off.rmse, counts.exact_pixels);
+            assert!(
+                off.rmse < before.0 && counts.per_pixel > before.1,
+                "{name}, {error_threshold}: {off:?} after {before:?}"
+            );
+            before = (off.rmse, counts.per_pixel);
         }
         // Both gather alike; compilers may contract differently.
         assert!(before.0 < 1e-5, "{name}: {before:?}");
 
-        let size = SgHullSize { exact: 50, ..size };
+        let size = SgHullSize {
+            per_pixel: 50,
+            ..size
+        };
         let (mut few, lights) = stage.renderer(size);
-        few.settings.misfit = 0.0;
+        few.settings.error_threshold = 0.0;
         let (found, counts) = stage.picture(&few, &lights);
-        assert_eq!(counts.exact_overflow(&size), before.1 - 50, "{counts:?}");
+        assert_eq!(
+            counts.per_pixel_overflow(&size),
+            before.1 - 50,
+            "{counts:?}"
+        );
         assert_eq!(counts.points[0], 50, "{counts:?}");
         let off = difference(&found, &truth, 128);
         println!("{name}, 50 pixels: {off:?}");
@@ -887,7 +894,7 @@ fn splits_without_room_are_pixels() {
     });
     assert!(many.0.parts[1] > 100 && many.1 == 0);
     assert!(few.0.parts[1] <= 8 && few.1 > 10);
-    assert!(many.0.exact_pixels < few.0.exact_pixels && many.2 > few.2);
+    assert!(many.0.per_pixel < few.0.per_pixel && many.2 > few.2);
 }
 
 /// A square light above a point, by the form factor of a parallel square.
@@ -961,7 +968,7 @@ fn polygons_have_their_form_factor() {
     for exact in [false, true] {
         let mut encoder = gpu.encoder();
         if exact {
-            hull.record_exact(&gpu.device, &mut encoder, &input, &settings, &view)
+            hull.record_per_pixel(&gpu.device, &mut encoder, &input, &settings, &view)
         } else {
             hull.record(&gpu.device, &mut encoder, &input, &settings, &view)
         }
@@ -1007,7 +1014,11 @@ fn what_does_not_fit_is_refused() {
         "::plane_distance",
     );
     refused(with(&|s| s.normal_angle = 4.0), "Setting", "::normal_angle");
-    refused(with(&|s| s.misfit = f32::NAN), "Setting", "::misfit");
+    refused(
+        with(&|s| s.error_threshold = f32::NAN),
+        "Setting",
+        "::error_threshold",
+    );
     refused(with(&|s| s.f0[1] = 1.1), "Setting", "::f0");
     let size = SgHullSize::new(16, 16);
     let create = |size| hull.create_view(device, size);
@@ -1021,9 +1032,12 @@ fn what_does_not_fit_is_refused() {
     let view: SgHullView = create(size).expect("a view");
     assert!(view.memory_bytes() > 65536 * 480 + 32768 * 624);
     refused(
-        create(SgHullSize { exact: 0, ..size }),
+        create(SgHullSize {
+            per_pixel: 0,
+            ..size
+        }),
         "Setting",
-        "::exact",
+        "::per_pixel",
     );
     let many = SgHullSize {
         splits: (1 << 18) + 1,

@@ -124,13 +124,13 @@ fn runs_draw_the_same() {
             triangles: buffers.triangles(),
         };
         let raster = Raster::draw(&GPU, buffers, &camera);
-        let directions = preset.bounced.directions;
+        let rays_per_pixel = preset.bounced.rays_per_pixel;
         BouncedRenderer::new(
             &GPU,
             Payload::Occlusion,
             capacity,
             [96, 64],
-            directions,
+            rays_per_pixel,
             false,
         )
         .and_then(|mut r| r.render(&GPU, &raster, buffers, &camera, &[], &preset))

@@ -116,12 +116,12 @@ impl Stage {
         kind: usize,
         raster: &Raster,
         camera: &Camera,
-        directions: u32,
+        rays_per_pixel: u32,
         frame: u32,
     ) -> &Gatherer {
         let gatherer = &self.gatherers[kind];
         let traced = BouncedSettings {
-            directions,
+            rays_per_pixel,
             frame,
             sky_radiance: SKY,
             ..BouncedSettings::default()

@@ -23,7 +23,7 @@ use support::testing::rays::{AMPLE, lab, triangles};
 use support::testing::shot::{Passes, Settings, Shot};
 
 const SIZE: [u32; 2] = [44, 36];
-const DIRECTIONS: u32 = 32;
+const RAYS_PER_PIXEL: u32 = 32;
 /// How far the eye is beside the room's middle: there, pixels would be on its very edges.
 const ASIDE: f64 = 0.0137;
 /// Now, before, and from the light.
@@ -84,7 +84,7 @@ fn pictures([shot, before, lamp]: &[Shot; 3]) -> Vec<(&'static str, Vec<f32>)> {
     let camera = &shot.camera;
     let [width, height] = SIZE;
     let settings = BouncedSettings {
-        directions: DIRECTIONS,
+        rays_per_pixel: RAYS_PER_PIXEL,
         ..BouncedSettings::default()
     };
     let senders = lab().senders(&shot.buffers.meshes(), camera, &triangles(), AMPLE);
@@ -92,7 +92,7 @@ fn pictures([shot, before, lamp]: &[Shot; 3]) -> Vec<(&'static str, Vec<f32>)> {
     let rays = lab()
         .blocked(&view, &settings)
         .iter()
-        .map(|bits| 1.0 - bits.count_ones() as f32 / DIRECTIONS as f32)
+        .map(|bits| 1.0 - bits.count_ones() as f32 / RAYS_PER_PIXEL as f32)
         .collect();
     let splat = SplatSettings {
         levels: 2,
@@ -290,7 +290,7 @@ fn pictures([shot, before, lamp]: &[Shot; 3]) -> Vec<(&'static str, Vec<f32>)> {
 /// pixel; a mask is all or nothing.
 fn accepted(pass: &str) -> (f32, f64, f64) {
     match pass {
-        "rays" => (1.5 / DIRECTIONS as f32, 0.005, 0.001),
+        "rays" => (1.5 / RAYS_PER_PIXEL as f32, 0.005, 0.001),
         "splat" => (0.03, 0.02, 0.003),
         // The hull's irradiances are about 1.
         "lines" | "areas" | "hull" => (0.01, 0.02, 0.002),
@@ -490,7 +490,7 @@ fn orthographic_eyes_may_be_anywhere() {
 /// Rays of a camera against the tracer: bias, and the worst pixel.
 fn ray_errors(shot: &Shot) -> (f64, f64) {
     let settings = BouncedSettings {
-        directions: 64,
+        rays_per_pixel: 64,
         ..BouncedSettings::default()
     };
     let senders = lab().senders(&shot.buffers.meshes(), &shot.camera, &triangles(), AMPLE);

@@ -19,9 +19,9 @@ struct Params {
   // Side of a texel in pixels.
   texel: u32,
   // Pixels that there is room for to be gathered each for itself.
-  exact_room: u32,
-  // From which misfit on, in the picture's mean irradiances, a quad is split, or its pixels are.
-  misfit: f32,
+  per_pixel_capacity: u32,
+  // From which error on, in the picture's mean irradiances, a quad is split, or its pixels are.
+  error_threshold: f32,
   // When neighbours are one surface: in widths of the view at their distance, and as a cosine.
   plane_distance: f32,
   gap: f32,
@@ -59,9 +59,9 @@ struct Counters {
   // Arguments of an indirect draw: vertices, instances, first vertex, first instance.
   draw: vec4u,
   // Quads, and parts of them, whose pixels are gathered each for itself.
-  misfits: u32,
+  rejected: u32,
   // Those pixels, room or not.
-  exact_pixels: u32,
+  per_pixel: u32,
   // Of what arrives at the vertices, over colour channels as well.
   mean_irradiance: f32,
   // Quads, and parts of them, that are split in four, room or not.
@@ -77,7 +77,7 @@ struct Counters {
 
 // Pixels to be gathered each for itself: those of a segment within a rectangle, its first pixel and the one past the last,
 // each x and 65536 y.
-struct Misfit {
+struct RejectedQuad {
   slot: u32,
   low: u32,
   high: u32,
@@ -119,7 +119,7 @@ fn is_tiny(segment: Segment) -> bool {
 
 // Whether all pixels can be gathered each for itself, and with them those of tiny segments.
 fn has_room(params: Params) -> bool {
-  return params.exact_room >= params.camera.viewport.z * params.camera.viewport.w;
+  return params.per_pixel_capacity >= params.camera.viewport.z * params.camera.viewport.w;
 }
 
 // A corner of a rectangle, 0 to 3, rows from the top.

@@ -11,7 +11,7 @@ struct HullVertex {
   excess: vec3f,
   // The vertex whose light it has: itself, or one of another corner that is the same point of the same surface.
   owner: u32,
-  // What a surface with the vertex's normal receives, and from the judge on one with the segment's.
+  // What a surface with the vertex's normal receives, and from classifying on one with the segment's.
   irradiance: vec3f,
   padding: u32,
 }

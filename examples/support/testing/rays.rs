@@ -138,11 +138,11 @@ impl Lab {
         shot: &Shot,
         payload: Payload,
         sampling: Sampling,
-        directions: u32,
+        rays_per_pixel: u32,
     ) -> BouncedView {
         let Viewport { width, height, .. } = shot.camera.viewport();
         self.tracer(payload, sampling)
-            .create_view(&self.gpu.device, width, height, directions)
+            .create_view(&self.gpu.device, width, height, rays_per_pixel)
             .expect("a view")
     }
 
@@ -191,7 +191,7 @@ impl Lab {
         } else {
             Payload::Occlusion
         };
-        let view = self.view(shot, payload, sampling, settings.directions);
+        let view = self.view(shot, payload, sampling, settings.rays_per_pixel);
         self.trace_into(shot, senders, radiance, settings, sampling, &view);
         view
     }
@@ -199,7 +199,7 @@ impl Lab {
     /// The words of bits of a view.
     pub fn blocked(&self, view: &BouncedView, settings: &BouncedSettings) -> Vec<u32> {
         let [width, height] = view.size();
-        let words = settings.directions.div_ceil(32) * width * height;
+        let words = settings.rays_per_pixel.div_ceil(32) * width * height;
         let mut all: Vec<u32> = self.gpu.read_buffer(view.blocked().expect("bits"));
         all.truncate(words as usize);
         all
@@ -208,7 +208,7 @@ impl Lab {
     /// The packed colours of a view, those of a pixel together.
     pub fn colors(&self, view: &BouncedView, settings: &BouncedSettings) -> Vec<u32> {
         let texture = view.radiance().expect("colours").texture();
-        let layers: Vec<Vec<u32>> = (0..settings.directions.max(1))
+        let layers: Vec<Vec<u32>> = (0..settings.rays_per_pixel.max(1))
             .map(|layer| self.gpu.read_texture(texture, layer))
             .collect();
         (0..layers[0].len())

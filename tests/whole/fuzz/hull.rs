@@ -117,7 +117,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         height: viewport.height,
         grid: case.random.count(32, 4096),
         segments: 4096,
-        exact: 8192,
+        per_pixel: 8192,
         splits: 4096,
     };
     let is_tight = case.random.chance(0.4);
@@ -126,7 +126,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         case.any_order();
         SgHullSize {
             segments: case.random.one_of(&[0, 1, 8, 512]),
-            exact: case.random.one_of(&[1, 2, 64, 4096]),
+            per_pixel: case.random.one_of(&[1, 2, 64, 4096]),
             splits: case.random.one_of(&[0, 1, 7, 512]),
             ..size
         }
@@ -145,7 +145,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         plane_distance: case.random.scale(f32::MIN_POSITIVE, f32::MAX),
         gap: case.random.scale(f32::MIN_POSITIVE, f32::MAX),
         normal_angle: case.random.setting(0.0, std::f32::consts::PI),
-        misfit: case.random.scale(0.0, f32::INFINITY),
+        error_threshold: case.random.scale(0.0, f32::INFINITY),
         f0: std::array::from_fn(|_| case.random.setting(0.0, 1.0)),
     };
     case.note("hull", settings);
@@ -169,7 +169,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
             .record(device, &mut case.encoder, &input, &settings, &view)
     } else {
         made.hull
-            .record_exact(device, &mut case.encoder, &input, &settings, &view)
+            .record_per_pixel(device, &mut case.encoder, &input, &settings, &view)
     };
     case.accept(done)?;
     case.texture("picture", &target.texture);

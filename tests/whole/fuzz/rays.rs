@@ -61,7 +61,7 @@ pub fn roughness(case: &mut Case<'_>, viewport: deep_screen_space::Viewport) -> 
 
 fn settings(case: &mut Case<'_>) -> BouncedSettings {
     let settings = BouncedSettings {
-        directions: case.random.count(0, 64),
+        rays_per_pixel: case.random.count(0, 64),
         radius: case.random.scale(0.0, f32::INFINITY),
         frame: case.random.count(0, 1 << 20),
         sky_radiance: std::array::from_fn(|_| case.random.scale(0.0, 1e18)),
@@ -124,7 +124,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let roughness = (is_glossy && !case.random.breaks()).then(|| roughness(case, viewport));
     let roughness = roughness.as_ref().map(Part::slice);
     let settings = settings(case);
-    let room = settings.directions.max(case.random.count(0, 64));
+    let room = settings.rays_per_pixel.max(case.random.count(0, 64));
     let view = tracer.create_view(device, viewport.width, viewport.height, room);
     let view = case.accept(view)?;
     let input = BouncedInput {
@@ -178,7 +178,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         damping: case.random.scale(0.01, f32::INFINITY),
         plane_distance: case.random.scale(f32::MIN_POSITIVE, f32::MAX),
         normal_power: case.random.scale(8.0, 1000.0),
-        deviations: case.random.setting(0.0, 100.0),
+        variance_clamp: case.random.setting(0.0, 100.0),
         f0: std::array::from_fn(|_| case.random.setting(0.0, 1.0)),
     };
     case.note("hit resolver", filter);

@@ -242,7 +242,7 @@ impl Lab {
             timestamps: None,
         };
         let settings = BouncedSettings {
-            directions: 4,
+            rays_per_pixel: 4,
             ..BouncedSettings::default()
         };
         pass.record(&self.gpu.device, encoder, &input, &settings, view)

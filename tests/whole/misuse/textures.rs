@@ -407,7 +407,7 @@ fn albedo_that_is_not_finite_is_black() {
         hull_picture(lab, gbuffer, SgHull::record)
     });
     check("exact hull", &|gbuffer| {
-        hull_picture(lab, gbuffer, SgHull::record_exact)
+        hull_picture(lab, gbuffer, SgHull::record_per_pixel)
     });
     check("hits", &|gbuffer| hits_picture(lab, gbuffer));
     check("sums", &|gbuffer| sums_picture(lab, gbuffer));
@@ -469,7 +469,7 @@ fn hits_picture(lab: &Lab, gbuffer: GBuffer<'_>) -> Vec<[f32; 4]> {
         .expect("a hierarchy");
     let hits = lab.hits(&lab.lit);
     let traced = BouncedSettings {
-        directions: 4,
+        rays_per_pixel: 4,
         sky_radiance: [1.0; 3],
         ..BouncedSettings::default()
     };

@@ -1,10 +1,10 @@
-// Trees over the disks of each sub-buffer of each level, in the manner of wgsl/common/walk_tree.wgsl: surfels in the order
+// Trees over the disks of each sub-buffer of each level, in the manner of wgsl/common/bvh4_layout.wgsl: surfels in the order
 // in which a sub-buffer gets them, which is that of emission, four to a run. Nodes over single disks (depth 0) are left out.
 
-#import walk_tree
+#import bvh4_layout
 #import levels
 
-struct DiskTree {
+struct DiskBvh {
   // Surfels that the sub-buffer has, and has room for.
   count: u32,
   capacity: u32,
@@ -13,11 +13,11 @@ struct DiskTree {
 }
 
 // `level_first` is where the nodes of the level begin; stored and capacity are the cloud's.
-fn disk_tree(level: u32, sub_buffer: u32, level_first: u32, stored: u32, capacity: u32) -> DiskTree {
+fn disk_bvh(level: u32, sub_buffer: u32, level_first: u32, stored: u32, capacity: u32) -> DiskBvh {
   let room = surfels_dealt(capacity, 0u, level);
   let nodes_each = depth_offset(room, top_of(room) + 1u) - depth_offset(room, 1u);
   let first = level_first + sub_buffer * nodes_each - depth_offset(room, 1u);
-  return DiskTree(surfels_dealt(stored, sub_buffer, level), room, first);
+  return DiskBvh(surfels_dealt(stored, sub_buffer, level), room, first);
 }
 
 // A surfel's radius on a level.

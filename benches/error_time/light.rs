@@ -78,19 +78,19 @@ impl Method for BouncedLight {
                 setting: preset(name),
             })
             .collect();
-        all.extend(LADDER.map(|directions| Variant {
+        all.extend(LADDER.map(|rays_per_pixel| Variant {
             knob: QUALITY,
-            value: directions.to_string(),
-            setting: presets::bounced(directions, Payload::Radiance, f32::INFINITY),
+            value: rays_per_pixel.to_string(),
+            setting: presets::bounced(rays_per_pixel, Payload::Radiance, f32::INFINITY),
         }));
         all
     }
 
     fn describe(preset: &BouncedPreset) -> Value {
         json!({
-            "directions": preset.bounced.directions,
+            "rays_per_pixel": preset.bounced.rays_per_pixel,
             "window": preset.reconstructor.radius,
-            "deviations": preset.reconstructor.deviations,
+            "variance_clamp": preset.reconstructor.variance_clamp,
         })
     }
 
@@ -115,7 +115,7 @@ impl Method for BouncedLight {
 
     fn work(&mut self, stage: &Stage<'_>, preset: &BouncedPreset) -> Result<Value, String> {
         let pixels: u32 = stage.effort.size.iter().product();
-        Ok(json!({ "most_rays": pixels * preset.bounced.directions * 2 }))
+        Ok(json!({ "most_rays": pixels * preset.bounced.rays_per_pixel * 2 }))
     }
 }
 

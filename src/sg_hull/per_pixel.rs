@@ -1,4 +1,4 @@
-//! Light gathered at each pixel: of quads that do not fit, or of the whole picture (`wgsl/sg_hull_exact.wgsl`).
+//! Light gathered at each pixel: of quads that do not fit, or of the whole picture (`wgsl/sg_hull_per_pixel.wgsl`).
 
 use std::mem::offset_of;
 
@@ -25,7 +25,7 @@ use crate::{
 
 /// Its pipelines, each after what it binds.
 #[derive(Debug)]
-pub(super) struct Exact {
+pub(super) struct PerPixel {
     pixels_bindings: Bindings,
     pixels: ComputePipeline,
     points_bindings: Bindings,
@@ -34,15 +34,15 @@ pub(super) struct Exact {
     cover: RenderPipeline,
 }
 
-impl Exact {
+impl PerPixel {
     pub fn new(make: &Maker<'_>) -> Result<Self, Error> {
         let mut pixels = vec![
             (0, Params, UNIFORM),
             (1, Receivers, UINT_2D),
             (2, Counts, READ),
-            (3, Resource::Exact, WRITE),
+            (3, Resource::PerPixel, WRITE),
         ];
-        let mut points = vec![(0, Params, UNIFORM), (4, Resource::Exact, READ)];
+        let mut points = vec![(0, Params, UNIFORM), (4, Resource::PerPixel, READ)];
         // Points are drawn with irradiance, or with what is reflected where that is more than albedo times irradiance.
         if make.variant.glossy {
             pixels.extend(surface(make.variant));
@@ -54,7 +54,7 @@ impl Exact {
         let cover_bindings = make.bindings(ShaderStages::FRAGMENT, &cover);
         let pixels_bindings = make.bindings(ShaderStages::COMPUTE, &pixels);
         let points_bindings = make.bindings(ShaderStages::VERTEX_FRAGMENT, &points);
-        let module = make.module(HullStage::Exact)?;
+        let module = make.module(HullStage::PerPixel)?;
         Ok(Self {
             pixels: make.gathering_kernel(&module, "gather_pixels", &pixels_bindings),
             points: make.drawing(
@@ -65,7 +65,7 @@ impl Exact {
             ),
             cover: make.gathering_drawing(
                 &module,
-                ["cover", "exact"],
+                ["cover", "per_pixel"],
                 PrimitiveTopology::TriangleList,
                 &cover_bindings,
             ),

@@ -1,5 +1,5 @@
 //! Error against time of ambient occlusion and of indirect light, method by method and a knob at a time:
-//! `cargo bench --bench trade`.
+//! `cargo bench --bench error_time`.
 //!
 //! Renders one view of each of the crate's scenes, within the scene's radius and without one: by splatting with the
 //! preset `balanced`, with one setting after the other turned away from it, by the bounced z-buffer likewise, and by what a
@@ -16,9 +16,9 @@
 //! hits lit where they are, and by rays marched through the depth buffer of a picture whose direct light is given exactly.
 //! Times are in units of the bounced z-buffer's `balanced` there.
 //!
-//! Prints a table and writes the same rows to `target/bench/trade.json` and `target/bench/trade.csv` (in JSON, null is
-//! infinity), and pictures of means over scenes: `trade-radius.png` and `trade-unbounded.png`, one line per method,
-//! `trade-light.png` for light, and `trade.png`, a line a knob of the splatter.
+//! Prints a table and writes the same rows to `target/bench/error-time.json` and `target/bench/error-time.csv` (in JSON, null is
+//! infinity), and pictures of means over scenes: `error-time-radius.png` and `error-time-unbounded.png`, one line per method,
+//! `error-time-light.png` for light, and `error-time-settings.png`, a line a knob of the splatter.
 
 mod bounced;
 mod canvas;
@@ -66,7 +66,7 @@ fn main() -> ExitCode {
     match run(&Options::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(problem) => {
-            eprintln!("trade: {problem}");
+            eprintln!("error_time: {problem}");
             ExitCode::FAILURE
         }
     }
@@ -149,8 +149,8 @@ fn report(rows: &[Row]) -> Result<(), String> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/bench");
     std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     let json = serde_json::to_string_pretty(rows).map_err(|e| e.to_string())?;
-    save(&folder.join("trade.json"), &json)?;
-    save(&folder.join("trade.csv"), &table::csv(rows)?)?;
+    save(&folder.join("error-time.json"), &json)?;
+    save(&folder.join("error-time.csv"), &table::csv(rows)?)?;
     let mut knobs = Vec::new();
     for (title, name, bounded) in [
         ("occluders within each scene's radius", "radius", true),
@@ -162,7 +162,7 @@ fn report(rows: &[Row]) -> Result<(), String> {
         println!();
         table::print_best(&methods);
         table::print_scenes(&rows);
-        let path = folder.join(format!("trade-{name}.png"));
+        let path = folder.join(format!("error-time-{name}.png"));
         chart::write(&path, &[methods])?;
         println!("{}", path.display());
         let panel = table::knob_panel(title, &rows, Splat::NAME);
@@ -175,10 +175,10 @@ fn report(rows: &[Row]) -> Result<(), String> {
     println!();
     table::print_best(&light);
     table::print_scenes(&rows);
-    chart::write(&folder.join("trade-light.png"), &[light])?;
-    println!("{}", folder.join("trade-light.png").display());
-    chart::write(&folder.join("trade.png"), &knobs)?;
-    println!("{}", folder.join("trade.png").display());
+    chart::write(&folder.join("error-time-light.png"), &[light])?;
+    println!("{}", folder.join("error-time-light.png").display());
+    chart::write(&folder.join("error-time-settings.png"), &knobs)?;
+    println!("{}", folder.join("error-time-settings.png").display());
     Ok(())
 }
 

@@ -8,8 +8,8 @@
 
 #needs nodes counters params
 
-#import walk
-#import disk_tree
+#import bvh4_traverse
+#import disk_bvh_layout
 
 struct DiskParams {
   levels: u32,
@@ -34,7 +34,7 @@ const MERGE_FINEST: u32 = 1u;
 @group(0) @binding(17) var<storage, read> surfels: array<vec4f>;
 @group(0) @binding(18) var<storage, read> sources: array<SurfelSource>;
 
-// What the walk that is under way looks into.
+// What the traversal that is under way looks into.
 struct Search {
   level: u32,
   sub_buffer: u32,
@@ -83,7 +83,7 @@ fn reach_of(radius: vec4f) -> vec4f {
   return select(min(reach, vec4f(FAR)), vec4f(FAR), last);
 }
 
-fn meet_leaf(ray: Ray, leaf: u32) -> vec4f {
+fn intersect_leaf(ray: Ray, leaf: u32) -> vec4f {
   let rank = leaf * 4u;
   return vec4f(meet_disk(ray, rank), meet_disk(ray, rank + 1u), meet_disk(ray, rank + 2u), meet_disk(ray, rank + 3u));
 }
@@ -101,9 +101,9 @@ fn walk_disks(ray: Ray, pixel: vec2u, normal: vec3f, any: bool) -> Hit {
     let level = select(disks.levels - 1u - i, i, finest);
     let sub_buffer = sub_buffer_of(pixel, level, disks.seed);
     let level_first = disks.level_first[level / 4u][level % 4u];
-    let tree = disk_tree(level, sub_buffer, level_first, counters.stored, disks.capacity);
+    let tree = disk_bvh(level, sub_buffer, level_first, counters.stored, disks.capacity);
     search = Search(level, sub_buffer, tree.count, normal);
-    let hit = walk_from(ray, tree.first, tree.count, tree.capacity, merged.t, stop);
+    let hit = bvh4_nearest(ray, tree.first, tree.count, tree.capacity, merged.t, stop);
     if hit.primitive != MISS {
       merged = Hit(hit.t, surfel_dealt(hit.primitive, sub_buffer, level));
       if finest || stop {

@@ -12,28 +12,28 @@
 #import spherical_gaussian
 #import sg_hull_vertex
 #import sg_hull_split
-#import sg_hull_misfit
+#import sg_hull_error
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(2) var<storage, read> segment_of: array<u32>;
 @group(0) @binding(3) var<storage, read> segments: array<Segment>;
-@group(0) @binding(4) var<storage, read_write> counters: JudgeCounters;
+@group(0) @binding(4) var<storage, read_write> counters: ClassifyCounters;
 @group(0) @binding(5) var<storage, read_write> vertices: array<HullVertex>;
 @group(0) @binding(6) var<storage, read> list: array<Gathering>;
-@group(0) @binding(7) var<storage, read_write> misfits: array<Misfit>;
+@group(0) @binding(7) var<storage, read_write> rejected: array<RejectedQuad>;
 // The light, and the pixel's number.
-@group(0) @binding(8) var<storage, read_write> exact: array<vec4u>;
+@group(0) @binding(8) var<storage, read_write> per_pixel: array<vec4u>;
 @group(0) @binding(9) var<storage, read_write> splits: array<Split>;
 
 // The first of Counters.
-struct JudgeCounters {
+struct ClassifyCounters {
   segments: u32,
   fallbacks: u32,
   fallback_pixels: u32,
   gathered: u32,
   draw: vec4u,
-  misfits: atomic<u32>,
-  exact_pixels: atomic<u32>,
+  rejected: atomic<u32>,
+  per_pixel: atomic<u32>,
   mean_irradiance: f32,
   splits: atomic<u32>,
 }
@@ -77,7 +77,7 @@ fn mean(@builtin(local_invocation_index) thread: u32) {
 // How far a quad's light may be off, in mean irradiances: how far its corners lie apart, each asked for a surface with the
 // segment's normal, which is kept; and a third of what normals as far apart as the segment's change where all light comes from
 // aside.
-fn misfit_of(segment: Segment, i: u32) -> f32 {
+fn error_of(segment: Segment, i: u32) -> f32 {
   let n = unpack_normal(segment.normal);
   var least = MAX_F32;
   var most = 0.0;
@@ -93,11 +93,11 @@ fn misfit_of(segment: Segment, i: u32) -> f32 {
     light += 0.25 * average(vec3f(vertex.red.w, vertex.green.w, vertex.blue.w));
   }
   let mean = counters.mean_irradiance;
-  return relative_misfit(max(most - least, 0.3 * segment.spread * light), least, mean);
+  return relative_error(max(most - least, 0.3 * segment.spread * light), least, mean);
 }
 
 @compute @workgroup_size(64)
-fn judge(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) thread: u32) {
+fn classify(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) thread: u32) {
   let i = linear_workgroup(workgroup) * 64u + thread;
   if i >= counters.draw.y {
     return;
@@ -105,15 +105,15 @@ fn judge(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_inde
   let slot = segment_slot(params, counters.segments, i);
   let segment = segments[slot];
   // No number is no fit.
-  let fits = misfit_of(segment, i) < params.misfit;
+  let fits = error_of(segment, i) < params.error_threshold;
   let by_pixels = slot >= first_fallback(params) || is_tiny(segment);
   if fits && !by_pixels {
     return;
   }
   let low = segment.rect.xy;
   let high = segment.rect.zw;
-  // What is to fit without any misfit is not to be had of corners.
-  if !by_pixels && is_flat(segment) && can_be_split(low, high) && params.split_room > 0u && params.misfit > 0.0 {
+  // Without any error allowed, corners do not do.
+  if !by_pixels && is_flat(segment) && can_be_split(low, high) && params.split_room > 0u && params.error_threshold > 0.0 {
     let split = atomicAdd(&counters.splits, 1u);
     if split < params.split_room {
       var whole = Part(pack_pixel(low), pack_pixel(high), slot, 0u, array<vec4f, 4>());
@@ -125,25 +125,25 @@ fn judge(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_inde
       return;
     }
   }
-  misfits[atomicAdd(&counters.misfits, 1u)] = Misfit(slot, pack_pixel(low), pack_pixel(high), 0u);
+  rejected[atomicAdd(&counters.rejected, 1u)] = RejectedQuad(slot, pack_pixel(low), pack_pixel(high), 0u);
 }
 
 @compute @workgroup_size(64)
 fn list_pixels(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) thread: u32) {
   let k = linear_workgroup(workgroup);
-  let count = atomicLoad(&counters.misfits);
+  let count = atomicLoad(&counters.rejected);
   if k >= count {
     return;
   }
-  let misfit = misfits[k];
-  let low = unpack_pixel(misfit.low);
-  let size = unpack_pixel(misfit.high) - low;
+  let quad = rejected[k];
+  let low = unpack_pixel(quad.low);
+  let size = unpack_pixel(quad.high) - low;
   for (var j = thread; j < size.x * size.y; j += 64u) {
     let pixel = (low.y + j / size.x) * params.camera.viewport.z + low.x + j % size.x;
-    if segment_of[pixel] == misfit.slot {
-      let at = atomicAdd(&counters.exact_pixels, 1u);
-      if at < params.exact_room {
-        exact[at] = vec4u(0u, 0u, 0u, pixel);
+    if segment_of[pixel] == quad.slot {
+      let at = atomicAdd(&counters.per_pixel, 1u);
+      if at < params.per_pixel_capacity {
+        per_pixel[at] = vec4u(0u, 0u, 0u, pixel);
       }
     }
   }

@@ -1,5 +1,5 @@
-// Bounds over runs of senders: over each run of four successive senders stands a node, over four nodes another one, and
-// so on up to a single node. A node's place is its depth and its index. Senders and nodes stand in arrays of vectors that
+// Bounds over runs of primitives: over each run of four successive primitives stands a node, over four nodes another one, and
+// so on up to a single node. A node's place is its depth and its index. Primitives and nodes stand in arrays of vectors that
 // have a component for each of the four, so that a ray meets four at once.
 
 #import ray
@@ -8,7 +8,7 @@
 const NODE_TEXELS: u32 = 7u;
 const TEXELS_A_ROW: u32 = 4096u;
 
-// Nodes at a depth, counted from 0 where a node has four senders.
+// Nodes at a depth, counted from 0 where a node has four primitives.
 fn nodes_at(count: u32, depth: u32) -> u32 {
   let shift = 2u * depth + 2u;
   return (count >> shift) + select(0u, 1u, (count & ((1u << shift) - 1u)) != 0u);
@@ -20,7 +20,7 @@ fn top_of(count: u32) -> u32 {
   return max((bits + 1u) / 2u, 1u) - 1u;
 }
 
-// Where a depth's nodes begin, given room for `capacity` senders: at least nodes_at(capacity, depth) apart, as a third
+// Where a depth's nodes begin, given room for `capacity` primitives: at least nodes_at(capacity, depth) apart, as a third
 // of the capacity is left over from each depth to the next.
 fn depth_offset(capacity: u32, depth: u32) -> u32 {
   let third = capacity / 3u + 1u;

@@ -1,10 +1,10 @@
-// Boxes around senders and nodes, as the nodes of wgsl/common/walk_tree.wgsl hold them.
+// Boxes around primitives and nodes, as the nodes of wgsl/common/bvh4_layout.wgsl hold them.
 //
 // The importer declares the array of vectors `nodes`, to write.
 
 #needs nodes
 
-#import walk_tree
+#import bvh4_layout
 
 struct Box {
   low: vec3f,

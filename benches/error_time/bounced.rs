@@ -16,7 +16,7 @@ use support::{
 const LADDER: [u32; 7] = [1, 2, 4, 9, 16, 36, 64];
 
 /// The most directions that a variant asks for.
-const MAX_DIRECTIONS: u32 = 64;
+const MAX_RAYS_PER_PIXEL: u32 = 64;
 
 /// The renderers of one view.
 pub struct Bounced {
@@ -36,8 +36,15 @@ impl Bounced {
         let renderer = |counting| {
             let payload = Payload::Occlusion;
             let size = stage.effort.size;
-            BouncedRenderer::new(stage.gpu, payload, capacity, size, MAX_DIRECTIONS, counting)
-                .map_err(|e| e.to_string())
+            BouncedRenderer::new(
+                stage.gpu,
+                payload,
+                capacity,
+                size,
+                MAX_RAYS_PER_PIXEL,
+                counting,
+            )
+            .map_err(|e| e.to_string())
         };
         Ok(Self {
             plain: renderer(false)?,
@@ -61,14 +68,14 @@ impl Method for Bounced {
                 setting,
             });
         };
-        for directions in LADDER {
-            let preset = presets::bounced(directions, Payload::Occlusion, radius);
-            push(QUALITY, directions.to_string(), preset);
+        for rays_per_pixel in LADDER {
+            let preset = presets::bounced(rays_per_pixel, Payload::Occlusion, radius);
+            push(QUALITY, rays_per_pixel.to_string(), preset);
         }
-        for directions in [1, 4, 16, 64] {
+        for rays_per_pixel in [1, 4, 16, 64] {
             let mut preset = balanced;
-            preset.bounced.directions = directions;
-            push("directions", directions.to_string(), preset);
+            preset.bounced.rays_per_pixel = rays_per_pixel;
+            push("rays_per_pixel", rays_per_pixel.to_string(), preset);
         }
         for window in [0, 1, 2, 3, 6, 10] {
             let mut preset = balanced;
@@ -87,9 +94,9 @@ impl Method for Bounced {
 
     fn describe(preset: &BouncedPreset) -> Value {
         json!({
-            "directions": preset.bounced.directions,
+            "rays_per_pixel": preset.bounced.rays_per_pixel,
             "window": preset.reconstructor.radius,
-            "deviations": preset.reconstructor.deviations,
+            "variance_clamp": preset.reconstructor.variance_clamp,
             "radius_pixels": preset.surfelizer.radius_pixels,
             "density": preset.surfelizer.density,
         })

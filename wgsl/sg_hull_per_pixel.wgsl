@@ -58,7 +58,7 @@ fn shown(pixel: vec2u, light: vec3f) -> vec4f {
 #endif
 
 @fragment
-fn exact(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
+fn per_pixel(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
   let pixel = min(vec2u(fragment.xy) - params.camera.viewport.xy, params.camera.viewport.zw - 1u);
   let texel = textureLoad(receivers, pixel, 0);
   if texel.w == SKY {
