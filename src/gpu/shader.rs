@@ -28,6 +28,7 @@ const COMMON: &[Module<'static>] = common![
     albedo,
     receiver,
     surfel,
+    target,
     triangle,
     light,
     shadow_map,
