@@ -235,7 +235,7 @@ fn disks(gpu: &Gpu, renderer: &Renderer, stored: usize) -> Vec<Disk> {
 }
 
 fn receivers(gpu: &Gpu, renderer: &Renderer) -> Vec<Option<Receiver>> {
-    let texels: Vec<[u32; 4]> = gpu.read_texture(renderer.view.receivers().texture(), 0);
+    let texels: Vec<[u32; 4]> = gpu.read_texture(renderer.decoding.receivers().view().texture(), 0);
     texels
         .iter()
         .map(|&[x, y, z, n]| {

@@ -16,7 +16,7 @@ use std::{
 use clap::Parser;
 use deep_screen_space::{
     BouncedSettings, Camera, CloudCapacity, HitResolverDescriptor, HitResolverSettings, Light,
-    Lighting, Payload, Sampling, SurfelizerSettings, TemporalSettings, Viewport,
+    Payload, Sampling, SurfelizerSettings, TemporalSettings, Viewport,
     glam::{DVec3, Vec3},
     reference::{
         gbuffer::{self, Pixel},
@@ -171,7 +171,7 @@ impl<'o> Studio<'o> {
                 deferred,
                 target: TextureFormat::Rgba32Float,
             };
-            Gatherer::new(&gpu, (descriptor, Lighting::Surfels), size, MANY, false)
+            Gatherer::new(&gpu, descriptor, size, MANY, false)
         };
         let gatherers = [
             gatherer(Sampling::Cosine, false)?,
@@ -277,12 +277,12 @@ impl<'o> Studio<'o> {
     }
 
     fn render(
-        &self,
+        &mut self,
         kind: Kind,
         shot: &Shot,
         (rays_per_pixel, window, frame): (u32, u32, u32),
     ) -> Result<&Gatherer, Failure> {
-        let gatherer = &self.gatherers[kind as usize];
+        let gatherer = &mut self.gatherers[kind as usize];
         let traced = BouncedSettings {
             rays_per_pixel,
             frame,
@@ -309,24 +309,29 @@ impl<'o> Studio<'o> {
         Ok(gatherer)
     }
 
+    /// What was rendered last.
+    fn shown(&self, kind: Kind) -> Picture {
+        colors(&self.gatherers[kind as usize].pixels(&self.gpu))
+    }
+
     /// One bounce.
     fn gather(
-        &self,
+        &mut self,
         kind: Kind,
         shot: &Shot,
         rays_per_pixel: u32,
         window: u32,
     ) -> Result<Picture, Failure> {
-        let gatherer = self.render(kind, shot, (rays_per_pixel, window, 0))?;
-        Ok(colors(&gatherer.pixels(&self.gpu)))
+        self.render(kind, shot, (rays_per_pixel, window, 0))?;
+        Ok(self.shown(kind))
     }
 
     /// The mean of many directions, without a window: what all others converge to. Its frames are none of theirs.
-    fn truth(&self, kind: Kind, shot: &Shot, frames: u32) -> Result<Picture, Failure> {
+    fn truth(&mut self, kind: Kind, shot: &Shot, frames: u32) -> Result<Picture, Failure> {
         let mut sums = vec![DVec3::ZERO; shot.pixels.len()];
         for frame in 0..frames {
-            let gatherer = self.render(kind, shot, (MANY, 0, (1 << 19) + frame))?;
-            for (sum, color) in sums.iter_mut().zip(colors(&gatherer.pixels(&self.gpu))) {
+            self.render(kind, shot, (MANY, 0, (1 << 19) + frame))?;
+            for (sum, color) in sums.iter_mut().zip(self.shown(kind)) {
                 *sum += Vec3::from(color).as_dvec3();
             }
         }
@@ -354,11 +359,11 @@ impl<'o> Studio<'o> {
             let shot = self.shot(1e-3 * options.step * left)?;
             self.light(&shot)?;
             for kind in [Kind::Diffuse, Kind::Glossy] {
-                let (gpu, i) = (&self.gpu, kind as usize);
+                let i = kind as usize;
                 let how = (options.frame_directions, options.frame_window, frame);
-                let gatherer = self.render(kind, &shot, how)?;
-                one[i] = colors(&gatherer.pixels(gpu));
-                let picture = &gatherer.target;
+                self.render(kind, &shot, how)?;
+                one[i] = self.shown(kind);
+                let (gpu, picture) = (&self.gpu, &self.gatherers[i].target);
                 all[i] = colors(&histories[i].add(gpu, &shot.raster, &shot.camera, picture)?);
             }
             // The truth is that of where the camera stands in the end.

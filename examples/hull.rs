@@ -49,7 +49,7 @@ fn main() -> Result<(), String> {
     let buffers = SceneBuffers::new(&gpu, &scene);
     let raster = Raster::draw(&gpu, &buffers, &camera);
     let size = SgHullSize::new(width, height);
-    let renderer = HullRenderer::with_roughness(&gpu, size, Components::default(), roughness)
+    let mut renderer = HullRenderer::with_roughness(&gpu, size, Components::default(), roughness)
         .map_err(error)?;
     let lamp = LightSource::of(&scene).map_err(error)?;
     let lights = renderer

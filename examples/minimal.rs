@@ -5,8 +5,9 @@
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, BvhBuilder, Camera,
-    CloudCapacity, Geometry, HitResolverInput, HitResolverSettings, Primitives, Reach,
-    SurfelCounts, Surfelizer, SurfelizerInput, SurfelizerSettings, Viewport, scenes, wgpu,
+    CloudCapacity, FrameInput, GBufferDecoder, Geometry, HitResolverInput, HitResolverSettings,
+    Primitives, Reach, SurfelCounts, Surfelizer, SurfelizerInput, SurfelizerSettings, Viewport,
+    scenes, wgpu,
 };
 use support::{
     gpu::{Ask, Gpu},
@@ -41,6 +42,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let target = gpu.target(format, WIDTH, HEIGHT);
 
     // Once: pipelines.
+    let decoder = GBufferDecoder::new(device, None)?;
     let surfelizer = Surfelizer::new(device, None)?;
     let builder = BvhBuilder::new(device, Primitives::Triangles, None)?;
     let tracer = BouncedZBuffer::new(device, &BouncedDescriptor::default(), None)?;
@@ -68,6 +70,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let mut cloud = surfelizer.create_cloud(device, capacity)?;
     let bvh = builder.create(device, &cloud)?;
+    let mut receivers = decoder.create_receivers(device, WIDTH, HEIGHT)?;
     let hits = tracer.create_view(device, WIDTH, HEIGHT, rays.rays_per_pixel)?;
     let scratch = resolver.create_view(device, &hits)?;
 
@@ -82,26 +85,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     surfelizer.record(device, &mut encoder, &input, &settings, &mut cloud)?;
     // … a hierarchy over them …
     builder.record(device, &mut encoder, &cloud, &bvh, None)?;
+    // … what the pixels show, relative to the same point …
+    let input = FrameInput::new(drawn.gbuffer(), &camera);
+    let frame = decoder.record(device, &mut encoder, &input, &mut receivers)?;
     // … rays from every pixel …
-    let input = BouncedInput {
-        gbuffer: drawn.gbuffer(),
-        camera: &camera,
-        cloud: &cloud,
-        bvh: &bvh,
-        radiance: None,
-        lighting: None,
-        roughness: None,
-        timestamps: None,
-    };
+    let input = BouncedInput::new(&frame, &cloud, &bvh);
     tracer.record(device, &mut encoder, &input, &rays, &hits)?;
     // … and the picture.
-    let input = HitResolverInput {
-        gbuffer: drawn.gbuffer(),
-        hits: &hits,
-        roughness: None,
-        target: target.texture().into(),
-        timestamps: None,
-    };
+    let input = HitResolverInput::new(&frame, &hits, target.texture());
     let filter = HitResolverSettings::default();
     resolver.record(device, &mut encoder, &input, &filter, &scratch)?;
     // The counts are copied too: whether the triangles found room is known without waiting.

@@ -24,7 +24,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat3, DMat4, DVec2, DVec3, DVec4};
 
-use crate::error::Error;
+use crate::error::{Error, check_setting};
 
 /// A rectangle of a texture, in pixels, origin at the top left.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -614,4 +614,18 @@ impl CameraParams {
         self.pixel *= (1_u32 << level) as f32;
         self
     }
+}
+
+/// [`Error::Setting`] for an origin that is not finite or so far off that positions leave the range of `f32`.
+pub(crate) fn check_origin(field: &'static str, origin: DVec3) -> Result<(), Error> {
+    const FARTHEST: f64 = 1e18;
+    for value in origin.to_array() {
+        check_setting(
+            value.abs() < FARTHEST,
+            field,
+            value,
+            "finite, nearer than 1e18 to the world's origin",
+        )?;
+    }
+    Ok(())
 }

@@ -52,9 +52,26 @@ pub struct GBuffer<'a> {
     /// Diffuse albedo (linear, 0…1), for effects that ask for it with
     /// [`Effect::albedo`](crate::Effect::albedo). What is beyond 0…1 is clamped, and what is not finite counts as 0. Any float or unorm format, usage `TEXTURE_BINDING`.
     pub albedo: Option<TextureSlice<'a>>,
+    /// Perceptual roughness, for glossy rays ([`Sampling::Glossy`](crate::Sampling::Glossy)) and the glossy hull: 0 for a
+    /// mirror to 1, its square being the width α of the Trowbridge-Reitz distribution. The red channel of any float or unorm format, usage
+    /// `TEXTURE_BINDING`. Values beyond 0…1 are clamped, NaN counts as 1; α is at least 1e-3, below which `f32` cannot tell a
+    /// lobe's directions apart. A shading normal that faces away from the viewer is seen from just above its horizon.
+    pub roughness: Option<TextureSlice<'a>>,
 }
 
-impl GBuffer<'_> {
+impl<'a> GBuffer<'a> {
+    /// Depth and normals, those as they are in world axes; the rest is absent.
+    pub fn new(depth: impl Into<TextureSlice<'a>>, normal: impl Into<TextureSlice<'a>>) -> Self {
+        Self {
+            depth: depth.into(),
+            normal: normal.into(),
+            normal_encoding: NormalEncoding::default(),
+            normal_space: NormalSpace::default(),
+            albedo: None,
+            roughness: None,
+        }
+    }
+
     /// Checks formats, sizes and usages against the rectangle that will be read.
     ///
     /// # Errors
@@ -62,6 +79,9 @@ impl GBuffer<'_> {
     pub fn validate(&self, viewport: Viewport) -> Result<(), Error> {
         check_depth("GBuffer::depth", &self.depth, viewport)?;
         self.normals().check("GBuffer::normal", viewport)?;
+        if let Some(roughness) = &self.roughness {
+            check_roughness(roughness, viewport)?;
+        }
         if let Some(albedo) = &self.albedo {
             check_slice(
                 "GBuffer::albedo",
@@ -90,6 +110,16 @@ impl GBuffer<'_> {
         }
     }
 
+    /// Its albedo, for what `by` says; [`Error::Mismatch`] where there is none.
+    pub(crate) fn albedo_for(&self, by: &str) -> Result<TextureSlice<'a>, Error> {
+        needed("GBuffer::albedo", self.albedo, by)
+    }
+
+    /// Its roughness, as [`GBuffer::albedo_for`].
+    pub(crate) fn roughness_for(&self, by: &str) -> Result<TextureSlice<'a>, Error> {
+        needed("GBuffer::roughness", self.roughness, by)
+    }
+
     pub(crate) fn depth_step(&self) -> f32 {
         depth_step(self.depth.view_format())
     }
@@ -100,6 +130,8 @@ impl GBuffer<'_> {
             Some(("GBuffer::depth", self.depth, 1)),
             Some(("GBuffer::normal", self.normal, 1)),
             self.albedo.map(|albedo| ("GBuffer::albedo", albedo, 1)),
+            self.roughness
+                .map(|roughness| ("GBuffer::roughness", roughness, 1)),
         ]
         .into_iter()
         .flatten()
@@ -195,34 +227,30 @@ pub(crate) fn depth_step(format: Format) -> f32 {
     }
 }
 
-/// Roughness, checked where there is one; returned where it is needed.
-pub(crate) fn check_roughness<'v>(
+fn needed<'a>(
     name: &'static str,
-    slice: Option<TextureSlice<'v>>,
-    // The descriptor's field or value that asks for it.
-    needed: Option<&'static str>,
-    viewport: Viewport,
-) -> Result<Option<TextureSlice<'v>>, Error> {
-    let Some(slice) = slice else {
-        return match needed {
-            Some(by) => Err(Error::Mismatch {
-                name,
-                found: "none".into(),
-                needed: format!("one, for {by}"),
-            }),
-            None => Ok(None),
-        };
-    };
-    check_slice(name, &slice, viewport, TextureUsages::TEXTURE_BINDING)?;
+    slice: Option<TextureSlice<'a>>,
+    by: &str,
+) -> Result<TextureSlice<'a>, Error> {
+    slice.ok_or_else(|| Error::Mismatch {
+        name,
+        found: "none".into(),
+        needed: format!("one, for {by}"),
+    })
+}
+
+fn check_roughness(slice: &TextureSlice<'_>, viewport: Viewport) -> Result<(), Error> {
+    const NAME: &str = "GBuffer::roughness";
+    check_slice(NAME, slice, viewport, TextureUsages::TEXTURE_BINDING)?;
     let format = slice.view_format();
     if !samples_as_float(format) || is_snorm(format) {
         return Err(Error::Format {
-            name,
+            name: NAME,
             format,
             accepted: "a float or unorm format",
         });
     }
-    Ok(needed.map(|_| slice))
+    Ok(())
 }
 
 pub(crate) fn samples_as_float(format: Format) -> bool {

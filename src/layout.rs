@@ -327,7 +327,7 @@ fn structs_match_the_shaders() {
     let sort = fields!(SortParams: shift, blocks);
     check(&ao, "sort", "Params", &sort, size_of::<SortParams>());
     let temporal = fields!(TemporalParams: previous, project, viewport, motion_scale, max_frames, depth_tolerance,
-        normal_tolerance, clip_deviations, still, forget, previous_focus);
+        normal_tolerance, clip_deviations, still, forget, previous_origin);
     for shader in ["temporal_accumulator", "temporal_accumulator show"] {
         check(
             &ao,

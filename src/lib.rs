@@ -57,6 +57,7 @@
 //!     target: &wgpu::Texture,
 //! ) -> Result<(), Error> {
 //!     // Once: pipelines.
+//!     let decoder = GBufferDecoder::new(device, None)?;
 //!     let surfelizer = Surfelizer::new(device, None)?;
 //!     let builder = BvhBuilder::new(device, Primitives::Triangles, None)?;
 //!     let tracer = BouncedZBuffer::new(device, &BouncedDescriptor::default(), None)?;
@@ -72,18 +73,18 @@
 //!     let mut cloud = surfelizer.create_cloud(device, capacity)?;
 //!     let bvh = builder.create(device, &cloud)?;
 //!     let viewport = camera.viewport();
+//!     let mut receivers = decoder.create_receivers(device, viewport.width, viewport.height)?;
 //!     let hits = tracer.create_view(device, viewport.width, viewport.height, rays.rays_per_pixel)?;
 //!     let scratch = resolver.create_view(device, &hits)?;
 //!
-//!     // Every frame: four recordings.
+//!     // Every frame: five recordings.
 //!     let input = SurfelizerInput { geometry, camera, cull_by: &[*camera], timestamps: None };
 //!     surfelizer.record(device, encoder, &input, &settings, &mut cloud)?;
 //!     builder.record(device, encoder, &cloud, &bvh, None)?;
-//!     let (cloud, bvh, hits) = (&cloud, &bvh, &hits);
-//!     let input = BouncedInput {
-//!         gbuffer, camera, cloud, bvh, radiance: None, lighting: None, roughness: None, timestamps: None };
-//!     tracer.record(device, encoder, &input, &rays, hits)?;
-//!     let input = HitResolverInput { gbuffer, hits, roughness: None, target: target.into(), timestamps: None };
+//!     let input = FrameInput::new(gbuffer, camera);
+//!     let frame = decoder.record(device, encoder, &input, &mut receivers)?;
+//!     tracer.record(device, encoder, &BouncedInput::new(&frame, &cloud, &bvh), &rays, &hits)?;
+//!     let input = HitResolverInput::new(&frame, &hits, target);
 //!     resolver.record(device, encoder, &input, &Default::default(), &scratch)
 //! }
 //! ```
@@ -137,7 +138,7 @@ mod work;
 
 pub use bounced_z_buffer::{
     BouncedInput, BouncedZBuffer,
-    descriptor::{BouncedDescriptor, HitLighting, Lighting, Payload},
+    descriptor::{BouncedDescriptor, HitLighting, HitRadiance, Payload},
     settings::{BouncedSettings, DiskSettings, Merge, Sampling},
     view::BouncedView,
 };
@@ -167,6 +168,7 @@ pub use multi_res_reconstructor::{
     MultiResReconstructor, MultiResReconstructorInput, SubImages,
     settings::MultiResReconstructorSettings,
 };
+pub use receivers::{Frame, FrameInput, GBufferDecoder, Receivers};
 pub use reconstructor::{
     Reconstructor, ReconstructorInput, ReconstructorView, settings::ReconstructorSettings,
 };

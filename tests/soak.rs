@@ -11,22 +11,24 @@
 
 use deep_screen_space::{
     AmbientOcclusion, BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, BvhBuilder,
-    Channels, CloudCapacity, ClusterInput, Components, DiskSamples, Error, Gatherer, Geometry,
-    HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverSettings, Light, MultiResMask,
-    MultiResMaskInput, MultiResMaskSettings, MultiResReconstructor, MultiResReconstructorInput,
-    MultiResReconstructorSettings, ObscuranceInput, ObscuranceSampling, ObscuranceSettings,
-    ObscuranceVolume, Payload, Primitives, Reconstructor, ReconstructorInput,
-    ReconstructorSettings, Sampling, ScreenSpaceGi, ScreenSpaceGiInput, ScreenSpaceGiSettings,
-    SgHull, SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize, ShadedLight, Shadow,
-    ShadowMap, ShellSplatter, ShellSplatterDescriptor, SoftShadows, SoftShadowsInput,
-    SoftShadowsSettings, SplatInput, SplatSettings, SurfelShader, SurfelShaderInput,
-    SurfelShaderSettings, Surfelizer, SurfelizerInput, SurfelizerSettings, TemporalAccumulator,
-    TemporalInput, TemporalSettings, VolumetricObscurance, VolumetricObscuranceDescriptor,
+    Channels, CloudCapacity, ClusterInput, Components, DiskSamples, Error, FrameInput,
+    GBufferDecoder, Gatherer, Geometry, HitResolver, HitResolverDescriptor, HitResolverInput,
+    HitResolverSettings, Light, MultiResMask, MultiResMaskInput, MultiResMaskSettings,
+    MultiResReconstructor, MultiResReconstructorInput, MultiResReconstructorSettings,
+    ObscuranceInput, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume, Payload, Primitives,
+    Reconstructor, ReconstructorInput, ReconstructorSettings, Sampling, ScreenSpaceGi,
+    ScreenSpaceGiInput, ScreenSpaceGiSettings, SgHull, SgHullDescriptor, SgHullInput,
+    SgHullSettings, SgHullSize, ShadedLight, Shadow, ShadowMap, ShellSplatter,
+    ShellSplatterDescriptor, SoftShadows, SoftShadowsInput, SoftShadowsSettings, SplatInput,
+    SplatSettings, SurfelShader, SurfelShaderInput, SurfelShaderSettings, Surfelizer,
+    SurfelizerInput, SurfelizerSettings, TemporalAccumulator, TemporalInput, TemporalSettings,
+    VolumetricObscurance, VolumetricObscuranceDescriptor,
     glam::DVec3,
     scenes,
     wgpu::{self, CommandEncoder, TextureFormat as Format},
 };
 use support::gpu::{Ask, Gpu};
+use support::testing::frames::Decoded;
 use support::testing::shot::{Shot, camera_of};
 
 const SIDE: u32 = 24;
@@ -245,11 +247,7 @@ fn memory_stays() {
     let splatter = ShellSplatter::new(device, &descriptor).expect("pipelines");
     let splat = SplatSettings::default();
     let levels = splat.levels;
-    let input = ClusterInput {
-        cloud: &cloud,
-        materials: None,
-        timestamps: None,
-    };
+    let input = ClusterInput::new(&cloud);
     soak.pass("clusters", |encoder| {
         let mut clusters = splatter.create_clusters(device, &cloud, levels)?;
         splatter.record_clusters(device, encoder, &input, &splat, &mut clusters)
@@ -260,15 +258,19 @@ fn memory_stays() {
     splatter
         .record_clusters(device, &mut encoder, &input, &splat, &mut clusters)
         .expect("clusters");
-    let input = SplatInput {
-        gbuffer,
-        camera,
-        cloud: &cloud,
-        clusters: &clusters,
-        materials: None,
-        work: None,
-        timestamps: None,
+    let decoder = GBufferDecoder::new(device, None).expect("pipelines");
+    let frame_input = FrameInput {
+        origin: cloud.origin(),
+        ..FrameInput::new(gbuffer, camera)
     };
+    soak.pass("receivers", |encoder| {
+        let mut receivers = decoder.create_receivers(device, SIDE, SIDE)?;
+        decoder.record(device, encoder, &frame_input, &mut receivers)?;
+        Ok(())
+    });
+    let mut decoded = Decoded::on(device, &decoder, camera);
+    let frame = decoded.frame(&mut encoder, gbuffer, camera, cloud.origin());
+    let input = SplatInput::new(&frame, &cloud, &clusters);
     soak.pass("splats", |encoder| {
         let sums = splatter.create_view(device, SIDE, SIDE, levels)?;
         splatter.record(device, encoder, &input, &splat, &sums)
@@ -283,12 +285,7 @@ fn memory_stays() {
     let reconstructor = Reconstructor::new(device, &effect, format, None).expect("pipelines");
     let target = gpu.storage(format, SIDE, SIDE);
     let target = target.texture();
-    let input = ReconstructorInput {
-        gbuffer,
-        sums: &sums,
-        target: target.into(),
-        timestamps: None,
-    };
+    let input = ReconstructorInput::new(&frame, &sums, target);
     soak.pass("reconstructor", |encoder| {
         let scratch = reconstructor.create_view(device, &sums)?;
         let settings = ReconstructorSettings::default();
@@ -300,16 +297,7 @@ fn memory_stays() {
         builder.record(device, encoder, &cloud, &bvh, None)
     });
     let traced = BouncedSettings::default();
-    let input = BouncedInput {
-        gbuffer,
-        camera,
-        cloud: &cloud,
-        bvh: &bvh,
-        radiance: None,
-        lighting: None,
-        roughness: None,
-        timestamps: None,
-    };
+    let input = BouncedInput::new(&frame, &cloud, &bvh);
     soak.pass("rays", |encoder| {
         let hits = tracer.create_view(device, SIDE, SIDE, traced.rays_per_pixel)?;
         tracer.record(device, encoder, &input, &traced, &hits)
@@ -327,13 +315,7 @@ fn memory_stays() {
         target: format,
     };
     let gatherer = HitResolver::new(device, &descriptor, None).expect("pipelines");
-    let input = HitResolverInput {
-        gbuffer,
-        roughness: None,
-        hits: &hits,
-        target: target.into(),
-        timestamps: None,
-    };
+    let input = HitResolverInput::new(&frame, &hits, target);
     soak.pass("hits", |encoder| {
         let means = gatherer.create_view(device, &hits)?;
         let settings = HitResolverSettings::default();
@@ -439,16 +421,12 @@ fn screen_passes(soak: &mut Soak<'_>, shot: &Shot) {
     });
     let frames =
         TemporalAccumulator::new(device, Channels::Three, format, None).expect("pipelines");
-    let input = TemporalInput {
-        gbuffer,
-        camera,
-        previous_camera: camera,
-        motion: None,
-        picture: shot.albedo.texture().into(),
-        target,
-        reset: false,
-        timestamps: None,
-    };
+    let decoder = GBufferDecoder::new(device, None).expect("pipelines");
+    let mut encoder = gpu.encoder();
+    let mut decoded = Decoded::on(device, &decoder, camera);
+    let frame = decoded.frame(&mut encoder, gbuffer, camera, camera.focus());
+    gpu.finish(encoder);
+    let input = TemporalInput::new(&frame, camera, shot.albedo.texture(), target);
     soak.pass("frames", |encoder| {
         let mut history = frames.create_history(device, SIDE, SIDE)?;
         frames.record(
@@ -481,18 +459,15 @@ fn hulls(soak: &mut Soak<'_>, shot: &Shot, lamp: Light) {
         splits: 256,
         ..SgHullSize::new(SIDE, SIDE)
     };
+    let decoder = GBufferDecoder::new(device, None).expect("pipelines");
+    let mut encoder = gpu.encoder();
+    let mut decoded = Decoded::on(device, &decoder, camera);
+    let frame = decoded.frame(&mut encoder, shot.lit_gbuffer(), camera, camera.eye());
+    gpu.finish(encoder);
     soak.pass("hull", |encoder| {
         let view = hull.create_view(device, size)?;
         let lights = gatherer.bind_lights(device, &[lamp], camera.eye())?;
-        let input = SgHullInput {
-            gbuffer: shot.lit_gbuffer(),
-            camera,
-            origin: camera.eye(),
-            gather: Some(&lights),
-            roughness: None,
-            target: target.texture().into(),
-            timestamps: None,
-        };
+        let input = SgHullInput::new(&frame, Some(&lights), target.texture());
         hull.record(device, encoder, &input, &SgHullSettings::default(), &view)
     });
 }

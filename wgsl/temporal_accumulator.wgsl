@@ -5,7 +5,7 @@
 //   accumulate  compute: this frame's picture and the last history to the next history
 //   show        fragment: the next history to the caller's texture
 //
-// A history is two textures: the receivers of its frame, relative to the focus of its frame's camera, and one texel per pixel
+// A history is two textures: the receivers of its frame, relative to its frame's origin, and one texel per pixel
 // with the mean and the number of frames in it; 0 frames are no history. Every history has these of its own frame, so
 // that a texel can be told to belong to another surface before it counts.
 //
@@ -18,7 +18,7 @@
 #import receiver
 
 struct Params {
-  // The last frame's, for positions relative to its own focus.
+  // The last frame's, for positions relative to its own origin.
   previous: Camera,
   // Positions of the last frame to homogeneous pixels from the middle of its viewport, y down: x, y and w.
   project: mat4x4f,
@@ -37,8 +37,8 @@ struct Params {
   still: u32,
   // 1 where there is no history, or shall be none.
   forget: u32,
-  // The last frame's focus relative to this frame's.
-  previous_focus: vec3f,
+  // The last frame's origin relative to this frame's.
+  previous_origin: vec3f,
   padding: u32,
 }
 
@@ -80,7 +80,7 @@ fn apart(a: vec2f, b: vec2f) -> bool {
 
 // Where a surface that stands still was in the last picture, as an offset from its pixel: a small number keeps the
 // fraction that a large one loses, and under a camera that did not move it is exactly 0. `position` is relative to the last
-// focus.
+// origin.
 fn still_offset(pixel: vec2i, position: vec3f) -> vec2f {
   if params.still != 0u {
     return vec2f(0.0);
@@ -114,7 +114,7 @@ fn claim(@builtin(global_invocation_id) id: vec3u) {
   if receiver.w == SKY || !is_near(offset) {
     return;
   }
-  if !apart(offset, still_offset(pixel, receiver_position(receiver) - params.previous_focus)) {
+  if !apart(offset, still_offset(pixel, receiver_position(receiver) - params.previous_origin)) {
     return;
   }
   // All texels within a pixel and a half, so that what was larger then leaves no gaps.
@@ -289,7 +289,7 @@ fn accumulate(@builtin(global_invocation_id) id: vec3u) {
     next = History(now, select(1.0, 0.0, receiver.w == SKY));
   }
   if receiver.w != SKY && params.forget == 0u {
-    let position = receiver_position(receiver) - params.previous_focus;
+    let position = receiver_position(receiver) - params.previous_origin;
     let normal = unpack_normal(receiver.w);
     let last = fetch(pixel, offset_of(pixel, position), position, normal);
     if last.frames > 0.0 {

@@ -54,7 +54,7 @@ impl BouncedLight {
         let size = stage.effort.size;
         let most = LADDER[LADDER.len() - 1];
         let renderer =
-            BouncedRenderer::new(stage.gpu, Payload::Radiance, capacity, size, most, false)
+            BouncedRenderer::new(stage.gpu, Payload::LitRadiance, capacity, size, most, false)
                 .map_err(|e| e.to_string())?;
         Ok(Self { renderer, level })
     }
@@ -67,7 +67,7 @@ impl Method for BouncedLight {
     /// `balanced` comes first, since all times are relative to it.
     fn variants(&self, _: &Stage<'_>, _: f32, _: bool) -> Vec<Variant<BouncedPreset>> {
         let preset = |name| {
-            presets::bounced_preset(name, Payload::Radiance, f32::INFINITY)
+            presets::bounced_preset(name, Payload::LitRadiance, f32::INFINITY)
                 .expect("a preset of that name")
         };
         let mut all: Vec<_> = ["balanced", "fast", "accurate"]
@@ -81,7 +81,7 @@ impl Method for BouncedLight {
         all.extend(LADDER.map(|rays_per_pixel| Variant {
             knob: QUALITY,
             value: rays_per_pixel.to_string(),
-            setting: presets::bounced(rays_per_pixel, Payload::Radiance, f32::INFINITY),
+            setting: presets::bounced(rays_per_pixel, Payload::LitRadiance, f32::INFINITY),
         }));
         all
     }

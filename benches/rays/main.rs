@@ -272,7 +272,7 @@ fn measure(
         [
             ("any", Payload::Occlusion, Some(infinite)),
             ("any, radius", Payload::Occlusion, options.radius),
-            ("nearest", Payload::Radiance, Some(infinite)),
+            ("nearest", Payload::LitRadiance, Some(infinite)),
         ]
         .into_iter()
         .filter(|(_, _, radius)| radius.is_some())
@@ -308,8 +308,8 @@ fn measure(
     }
     let rays = f64::from(counts[0].1[0]);
     let (any, _) = trace(Payload::Occlusion, infinite, false, &[]);
-    let (nearest, _) = trace(Payload::Radiance, infinite, false, &[]);
-    let (lit, _) = trace(Payload::Radiance, infinite, false, &[light]);
+    let (nearest, _) = trace(Payload::LitRadiance, infinite, false, &[]);
+    let (lit, _) = trace(Payload::LitRadiance, infinite, false, &[light]);
 
     let cpu = (0..RUNS)
         .map(|_| {

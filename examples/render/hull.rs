@@ -25,7 +25,7 @@ pub fn render(gpu: &Gpu, options: &Options, scene: &Scene, shot: &Shot) -> Resul
     let buffers = SceneBuffers::new(gpu, scene);
     let raster = Raster::draw(gpu, &buffers, &camera);
     let size = SgHullSize::new(shot.width, shot.height);
-    let renderer = HullRenderer::new(gpu, size, Components::default()).map_err(error)?;
+    let mut renderer = HullRenderer::new(gpu, size, Components::default()).map_err(error)?;
     let lamp = match shot.lights.first() {
         Some(Light::Directional {
             direction,

@@ -202,7 +202,7 @@ pub fn bounced(
 ) -> Result<Rendered, String> {
     let camera = shot.camera()?;
     let payload = if options.gi() {
-        Payload::Radiance
+        Payload::LitRadiance
     } else {
         Payload::Occlusion
     };

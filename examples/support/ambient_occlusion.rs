@@ -6,7 +6,7 @@ use deep_screen_space::{
     SplatView, SurfelCloud, SurfelClusters, SurfelCounts, Surfelizer, SurfelizerInput, wgpu,
 };
 
-use super::{gpu::Gpu, presets::Preset, raster::Raster};
+use super::{decoding::Decoding, gpu::Gpu, presets::Preset, raster::Raster};
 
 /// The pipelines and one view.
 pub struct Renderer {
@@ -15,6 +15,7 @@ pub struct Renderer {
     reconstructor: Reconstructor,
     pub cloud: SurfelCloud,
     clusters: SurfelClusters,
+    pub decoding: Decoding,
     pub view: SplatView,
     scratch: ReconstructorView,
     target: wgpu::TextureView,
@@ -64,6 +65,7 @@ impl Renderer {
         Ok(Self {
             clusters: splatter.create_clusters(device, &cloud, levels)?,
             scratch: reconstructor.create_view(device, &view)?,
+            decoding: Decoding::new(gpu, [width, height])?,
             view,
             target: gpu.target(format, width, height),
             surfelizer,
@@ -77,6 +79,7 @@ impl Renderer {
     pub fn memory_bytes(&self) -> u64 {
         self.cloud.memory_bytes()
             + self.clusters.memory_bytes()
+            + self.decoding.memory_bytes()
             + self.view.memory_bytes()
             + self.scratch.memory_bytes()
     }
@@ -112,29 +115,19 @@ impl Renderer {
             self.splatter.record_clusters(
                 device,
                 encoder,
-                &ClusterInput {
-                    cloud: &self.cloud,
-                    materials: None,
-                    timestamps: None,
-                },
+                &ClusterInput::new(&self.cloud),
                 &preset.splat,
                 &mut self.clusters,
             )
         });
         done?;
+        let origin = self.cloud.origin();
+        let (decode_ms, frame) = self.decoding.frame(gpu, raster.gbuffer(), camera, origin)?;
         let (splat_ms, done) = gpu.time(|encoder| {
             self.splatter.record(
                 device,
                 encoder,
-                &SplatInput {
-                    gbuffer: raster.gbuffer(),
-                    camera,
-                    cloud: &self.cloud,
-                    clusters: &self.clusters,
-                    materials: None,
-                    work: None,
-                    timestamps: None,
-                },
+                &SplatInput::new(&frame, &self.cloud, &self.clusters),
                 &preset.splat,
                 &self.view,
             )
@@ -144,12 +137,7 @@ impl Renderer {
             self.reconstructor.record(
                 device,
                 encoder,
-                &ReconstructorInput {
-                    gbuffer: raster.gbuffer(),
-                    sums: &self.view,
-                    target: self.target.texture().into(),
-                    timestamps: None,
-                },
+                &ReconstructorInput::new(&frame, &self.view, self.target.texture()),
                 &preset.reconstructor,
                 &self.scratch,
             )
@@ -161,6 +149,7 @@ impl Renderer {
             passes: vec![
                 ("surfelize", surfelize_ms),
                 ("cluster", cluster_ms),
+                ("decode", decode_ms),
                 ("splat", splat_ms),
                 ("reconstruct", reconstruct_ms),
             ],

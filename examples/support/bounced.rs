@@ -2,13 +2,15 @@
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Bvh, BvhBuilder,
-    Camera, CloudCapacity, Error, Geometry, HitLighting, HitResolver, HitResolverDescriptor,
-    HitResolverInput, HitResolverSettings, HitResolverView, Light, Lighting, Payload, Primitives,
-    Reach, Sampling, ShadedLight, Shadow, SurfelCloud, SurfelCounts, SurfelShader,
+    Camera, CloudCapacity, Error, GBuffer, Geometry, HitLighting, HitRadiance, HitResolver,
+    HitResolverDescriptor, HitResolverInput, HitResolverSettings, HitResolverView, Light, Payload,
+    Primitives, Reach, Sampling, ShadedLight, Shadow, SurfelCloud, SurfelCounts, SurfelShader,
     SurfelShaderInput, SurfelShaderSettings, Surfelizer, SurfelizerInput, SurfelizerSettings, wgpu,
 };
 
-use super::{gpu::Gpu, presets::BouncedPreset, raster::Raster, scene::SceneBuffers};
+use super::{
+    decoding::Decoding, gpu::Gpu, presets::BouncedPreset, raster::Raster, scene::SceneBuffers,
+};
 
 /// A name and milliseconds of wall clock.
 type Timed = (&'static str, f64);
@@ -37,8 +39,7 @@ impl TracedScene {
         let device = &gpu.device;
         let surfelizer = Surfelizer::new(device, None)?;
         let cloud = surfelizer.create_cloud(device, capacity)?;
-        let from_surfels = (Payload::Radiance, Lighting::Surfels);
-        let surfel_lighting = if (gatherer.descriptor.payload, gatherer.lighting) == from_surfels {
+        let surfel_lighting = if gatherer.descriptor.payload == Payload::Radiance {
             let shader = SurfelShader::new(device, None)?;
             let radiance = shader.create_radiance(device, &cloud)?;
             Some(SurfelLighting { shader, radiance })
@@ -135,9 +136,9 @@ impl TracedScene {
 /// A kind of hits, and a view of them.
 pub struct Gatherer {
     descriptor: HitResolverDescriptor,
-    lighting: Lighting,
+    pub decoding: Decoding,
     bounced: BouncedZBuffer,
-    reconstructor: HitResolver,
+    resolver: HitResolver,
     pub view: BouncedView,
     scratch: HitResolverView,
     /// The picture.
@@ -148,7 +149,7 @@ impl Gatherer {
     /// With room for this many directions per pixel.
     pub fn new(
         gpu: &Gpu,
-        (descriptor, lighting): (HitResolverDescriptor, Lighting),
+        descriptor: HitResolverDescriptor,
         [width, height]: [u32; 2],
         rays_per_pixel: u32,
         statistics: bool,
@@ -157,27 +158,26 @@ impl Gatherer {
         let bounced = BouncedDescriptor {
             payload: descriptor.payload,
             sampling: descriptor.sampling,
-            lighting,
             statistics,
             ..BouncedDescriptor::default()
         };
         let bounced = BouncedZBuffer::new(device, &bounced, None)?;
-        let reconstructor = HitResolver::new(device, &descriptor, None)?;
+        let resolver = HitResolver::new(device, &descriptor, None)?;
         let view = bounced.create_view(device, width, height, rays_per_pixel)?;
         Ok(Self {
-            scratch: reconstructor.create_view(device, &view)?,
+            scratch: resolver.create_view(device, &view)?,
             view,
             target: gpu.target(descriptor.target, width, height),
+            decoding: Decoding::new(gpu, [width, height])?,
             descriptor,
-            lighting,
             bounced,
-            reconstructor,
+            resolver,
         })
     }
 
     /// Renders into the target, one submission per pass; glossy receivers need their roughness.
     pub fn render(
-        &self,
+        &mut self,
         gpu: &Gpu,
         (raster, roughness): (&Raster, Option<&wgpu::Texture>),
         camera: &Camera,
@@ -185,51 +185,42 @@ impl Gatherer {
         (traced, settings): (&BouncedSettings, &HitResolverSettings),
     ) -> Result<Vec<Timed>, Error> {
         let device = &gpu.device;
-        let materials = scene.materials.as_ref();
-        let lighting = materials
-            .filter(|_| {
-                (self.descriptor.payload, self.lighting) == (Payload::Radiance, Lighting::Hits)
-            })
-            .map(|materials| HitLighting {
+        let radiance = match (self.descriptor.payload, &scene.materials) {
+            (Payload::LitRadiance, Some(materials)) => HitRadiance::Lit(HitLighting {
                 materials,
                 lights: &scene.lights,
-            });
+            }),
+            _ => scene
+                .surfel_lighting
+                .as_ref()
+                .map_or(HitRadiance::None, |l| HitRadiance::Surfels(&l.radiance)),
+        };
+        let gbuffer = GBuffer {
+            roughness: roughness.map(Into::into),
+            ..raster.gbuffer()
+        };
+        let origin = scene.cloud.origin();
+        let (decode_ms, frame) = self.decoding.frame(gpu, gbuffer, camera, origin)?;
         let (trace_ms, done) = gpu.time(|encoder| {
-            self.bounced.record(
-                device,
-                encoder,
-                &BouncedInput {
-                    gbuffer: raster.gbuffer(),
-                    camera,
-                    cloud: &scene.cloud,
-                    bvh: &scene.bvh,
-                    radiance: scene.surfel_lighting.as_ref().map(|l| &l.radiance),
-                    lighting,
-                    roughness: roughness.map(Into::into),
-                    timestamps: None,
-                },
-                traced,
-                &self.view,
-            )
+            let input = BouncedInput {
+                radiance,
+                ..BouncedInput::new(&frame, &scene.cloud, &scene.bvh)
+            };
+            self.bounced
+                .record(device, encoder, &input, traced, &self.view)
         });
         done?;
-        let (reconstruct_ms, done) = gpu.time(|encoder| {
-            self.reconstructor.record(
-                device,
-                encoder,
-                &HitResolverInput {
-                    gbuffer: raster.gbuffer(),
-                    roughness: roughness.map(Into::into),
-                    hits: &self.view,
-                    target: self.target.texture().into(),
-                    timestamps: None,
-                },
-                settings,
-                &self.scratch,
-            )
+        let (resolve_ms, done) = gpu.time(|encoder| {
+            let input = HitResolverInput::new(&frame, &self.view, self.target.texture());
+            self.resolver
+                .record(device, encoder, &input, settings, &self.scratch)
         });
         done?;
-        Ok(vec![("trace", trace_ms), ("reconstruct", reconstruct_ms)])
+        Ok(vec![
+            ("decode", decode_ms),
+            ("trace", trace_ms),
+            ("reconstruct", resolve_ms),
+        ])
     }
 
     /// The picture, where the target is of four `f32`.
@@ -283,13 +274,7 @@ impl BouncedRenderer {
             deferred: false,
             target: wgpu::TextureFormat::Rgba32Float,
         };
-        let gatherer = Gatherer::new(
-            gpu,
-            (descriptor, Lighting::Hits),
-            size,
-            rays_per_pixel,
-            statistics,
-        )?;
+        let gatherer = Gatherer::new(gpu, descriptor, size, rays_per_pixel, statistics)?;
         Ok(Self {
             scene: TracedScene::new(gpu, &gatherer, capacity)?,
             gatherer,
@@ -304,6 +289,7 @@ impl BouncedRenderer {
     /// GPU memory of everything that the passes own, bytes.
     pub fn memory_bytes(&self) -> u64 {
         self.scene.memory_bytes()
+            + self.gatherer.decoding.memory_bytes()
             + self.gatherer.view.memory_bytes()
             + self.gatherer.scratch.memory_bytes()
     }
@@ -322,13 +308,13 @@ impl BouncedRenderer {
         // What lies beyond the radius is not hit, but may be what shadows what is.
         settings.reach = Reach {
             radii: f32::INFINITY,
-            world: if self.gatherer.descriptor.payload == Payload::Radiance {
+            world: if self.gatherer.descriptor.payload == Payload::LitRadiance {
                 f32::INFINITY
             } else {
                 preset.bounced.radius
             },
         };
-        let (traced, gatherer) = (&mut self.scene, &self.gatherer);
+        let (traced, gatherer) = (&mut self.scene, &mut self.gatherer);
         let mut passes = traced.update(gpu, scene, camera, lights, (&settings, 1))?;
         let how = (&preset.bounced, &preset.reconstructor);
         passes.extend(gatherer.render(gpu, (raster, None), camera, traced, how)?);

@@ -1,7 +1,7 @@
 //! The hull wired together: lights from a reflective shadow map, the picture, and the same gathered at every pixel.
 
 use deep_screen_space::{
-    Camera, Components, Error, Gatherer, GathererBinding, Light, ReflectiveShadowMap,
+    Camera, Components, Error, GBuffer, Gatherer, GathererBinding, Light, ReflectiveShadowMap,
     ReflectiveShadowMapInput, ReflectiveShadowMapView, SgHull, SgHullCounts, SgHullDescriptor,
     SgHullInput, SgHullSettings, SgHullSize, SgHullView, Viewport,
     glam::{DMat4, DVec3},
@@ -10,17 +10,30 @@ use deep_screen_space::{
 };
 
 use super::{
+    decoding::Decoding,
     gpu::Gpu,
     raster::{Raster, perspective},
     scene::SceneBuffers,
     world::bounds_of,
 };
 
+/// [`SgHull::record`] or [`SgHull::record_per_pixel`].
+type Record = fn(
+    &SgHull,
+    &wgpu::Device,
+    &mut wgpu::CommandEncoder,
+    &SgHullInput<'_>,
+    &SgHullSettings,
+    &SgHullView,
+) -> Result<(), Error>;
+
 /// The pipelines and one view.
 pub struct HullRenderer {
     pub hull: SgHull,
     pub view: SgHullView,
+    decoding: Decoding,
     map: ReflectiveShadowMap,
+    map_decoding: Decoding,
     map_view: ReflectiveShadowMapView,
     gatherer: Gatherer,
     pub target: wgpu::TextureView,
@@ -155,6 +168,8 @@ impl HullRenderer {
         )?;
         let map = ReflectiveShadowMap::new(device, None)?;
         Ok(Self {
+            decoding: Decoding::new(gpu, [size.width, size.height])?,
+            map_decoding: Decoding::new(gpu, [MAP, MAP])?,
             view: hull.create_view(device, size)?,
             map_view: map.create_view(device, MAP, MAP)?,
             target: gpu.target(format, size.width, size.height),
@@ -172,79 +187,64 @@ impl HullRenderer {
 
     /// Makes the lights of a lamp: what they are bound as.
     pub fn lights(
-        &self,
+        &mut self,
         gpu: &Gpu,
         scene: &SceneBuffers,
         lamp: &LightSource,
         origin: DVec3,
     ) -> Result<GathererBinding, Error> {
         let raster = Raster::draw(gpu, scene, &lamp.camera);
+        let decoding = &mut self.map_decoding;
+        let (_, frame) = decoding.frame(gpu, raster.gbuffer(), &lamp.camera, origin)?;
         let mut encoder = gpu.encoder();
-        self.map.record(
-            &gpu.device,
-            &mut encoder,
-            &ReflectiveShadowMapInput {
-                gbuffer: raster.gbuffer(),
-                camera: &lamp.camera,
-                light: lamp.light,
-                origin,
-                timestamps: None,
-            },
-            &self.map_view,
-        )?;
+        let input = ReflectiveShadowMapInput::new(&frame, lamp.light);
+        self.map
+            .record(&gpu.device, &mut encoder, &input, &self.map_view)?;
         gpu.finish(encoder);
         self.gatherer.bind_map(&gpu.device, &self.map_view)
     }
 
-    fn input<'a>(
-        &'a self,
-        raster: &'a Raster,
-        camera: &'a Camera,
-        lights: &'a GathererBinding,
-    ) -> SgHullInput<'a> {
-        SgHullInput {
-            gbuffer: raster.gbuffer(),
-            camera,
-            origin: camera.eye(),
-            gather: Some(lights),
-            roughness: self.roughness.as_ref().map(|view| view.texture().into()),
-            target: self.target.texture().into(),
-            timestamps: None,
-        }
-    }
-
     /// Milliseconds, and the picture by the hull.
     pub fn render(
-        &self,
+        &mut self,
         gpu: &Gpu,
         raster: &Raster,
         camera: &Camera,
         lights: &GathererBinding,
     ) -> Result<(f64, Vec<[f32; 4]>), Error> {
-        let input = self.input(raster, camera, lights);
-        let (ms, done) = gpu.time(|encoder| {
-            self.hull
-                .record(&gpu.device, encoder, &input, &self.settings, &self.view)
-        });
-        done?;
-        Ok((ms, gpu.read_texture(self.target.texture(), 0)))
+        self.render_by(gpu, raster, camera, lights, SgHull::record)
     }
 
     /// Milliseconds, and the picture with the light gathered at every pixel.
     pub fn render_per_pixel(
-        &self,
+        &mut self,
         gpu: &Gpu,
         raster: &Raster,
         camera: &Camera,
         lights: &GathererBinding,
     ) -> Result<(f64, Vec<[f32; 4]>), Error> {
-        let input = self.input(raster, camera, lights);
-        let (ms, done) = gpu.time(|encoder| {
-            self.hull
-                .record_per_pixel(&gpu.device, encoder, &input, &self.settings, &self.view)
-        });
+        self.render_by(gpu, raster, camera, lights, SgHull::record_per_pixel)
+    }
+
+    fn render_by(
+        &mut self,
+        gpu: &Gpu,
+        raster: &Raster,
+        camera: &Camera,
+        lights: &GathererBinding,
+        record: Record,
+    ) -> Result<(f64, Vec<[f32; 4]>), Error> {
+        let gbuffer = GBuffer {
+            roughness: self.roughness.as_ref().map(|view| view.texture().into()),
+            ..raster.gbuffer()
+        };
+        let (decode_ms, frame) = self.decoding.frame(gpu, gbuffer, camera, camera.eye())?;
+        let input = SgHullInput::new(&frame, Some(lights), self.target.texture());
+        let (hull, settings, view) = (&self.hull, &self.settings, &self.view);
+        let (ms, done) =
+            gpu.time(|encoder| record(hull, &gpu.device, encoder, &input, settings, view));
         done?;
-        Ok((ms, gpu.read_texture(self.target.texture(), 0)))
+        Ok((decode_ms + ms, gpu.read_texture(self.target.texture(), 0)))
     }
 
     pub fn counts(&self, gpu: &Gpu) -> SgHullCounts {

@@ -6,6 +6,7 @@
 pub mod ambient_occlusion;
 pub mod arguments;
 pub mod bounced;
+pub mod decoding;
 pub mod depth_only;
 pub mod errors;
 pub mod files;

@@ -55,8 +55,8 @@ pub fn bounced_preset(name: &str, payload: Payload, radius: f32) -> Option<Bounc
     let rays_per_pixel = match (name, payload) {
         ("fast", Payload::Occlusion) => 4,
         ("balanced", Payload::Occlusion) => 16,
-        ("fast", Payload::Radiance) => 8,
-        ("balanced", Payload::Radiance) => 40,
+        ("fast", _) => 8,
+        ("balanced", _) => 40,
         ("accurate", _) => 64,
         _ => return None,
     };
@@ -78,7 +78,9 @@ pub fn bounced(rays_per_pixel: u32, payload: Payload, radius: f32) -> BouncedPre
         },
         reconstructor: match payload {
             Payload::Occlusion => HitResolverSettings::for_occlusion(rays_per_pixel),
-            Payload::Radiance => HitResolverSettings::for_light(rays_per_pixel),
+            Payload::Radiance | Payload::LitRadiance => {
+                HitResolverSettings::for_light(rays_per_pixel)
+            }
         },
     }
 }

@@ -1,7 +1,7 @@
 //! A small G-buffer, as an engine would have one: depth, normals, albedo.
 
 use deep_screen_space::{
-    Camera, GBuffer, NormalEncoding, NormalSpace,
+    Camera, GBuffer,
     glam::{DMat4, Mat4},
     wgpu,
 };
@@ -99,11 +99,8 @@ impl Raster {
     /// As the passes take it.
     pub fn gbuffer(&self) -> GBuffer<'_> {
         GBuffer {
-            depth: self.depth.texture().into(),
-            normal: self.normal.texture().into(),
-            normal_encoding: NormalEncoding::Signed,
-            normal_space: NormalSpace::World,
             albedo: Some(self.albedo.texture().into()),
+            ..GBuffer::new(self.depth.texture(), self.normal.texture())
         }
     }
 

@@ -5,11 +5,12 @@ use deep_screen_space::{
     wgpu,
 };
 
-use super::{gpu::Gpu, raster::Raster};
+use super::{decoding::Decoding, gpu::Gpu, raster::Raster};
 
 /// The mean over frames of a picture of colours, for a camera that may move through a world that stands still.
 pub struct Accumulation {
     accumulator: TemporalAccumulator,
+    decoding: Decoding,
     settings: TemporalSettings,
     history: TemporalHistory,
     previous: Option<Camera>,
@@ -29,6 +30,7 @@ impl Accumulation {
             history: accumulator.create_history(device, width, height)?,
             target: gpu.target(format, width, height),
             previous: None,
+            decoding: Decoding::new(gpu, [width, height])?,
             accumulator,
             settings,
         })
@@ -42,16 +44,11 @@ impl Accumulation {
         camera: &Camera,
         picture: &wgpu::TextureView,
     ) -> Result<Vec<[f32; 4]>, Error> {
-        let input = TemporalInput {
-            gbuffer: raster.gbuffer(),
-            camera,
-            previous_camera: self.previous.as_ref().unwrap_or(camera),
-            motion: None,
-            picture: picture.texture().into(),
-            target: self.target.texture().into(),
-            reset: false,
-            timestamps: None,
-        };
+        let origin = camera.focus();
+        let (_, frame) = self.decoding.frame(gpu, raster.gbuffer(), camera, origin)?;
+        let previous = self.previous.as_ref().unwrap_or(camera);
+        let target = self.target.texture();
+        let input = TemporalInput::new(&frame, previous, picture.texture(), target);
         let mut encoder = gpu.encoder();
         self.accumulator.record(
             &gpu.device,

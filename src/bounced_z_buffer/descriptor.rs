@@ -11,24 +11,25 @@ pub enum Payload {
     /// That there is one: one bit per direction. A ray ends at the first hit that it finds, the nearest or not.
     #[default]
     Occlusion,
-    /// The radiance that its surfel sends towards the pixel: four bytes per direction.
+    /// The radiance that the surfel which it belongs to sends towards the pixel: four bytes per direction. A
+    /// [`SurfelShader`](crate::SurfelShader) or the caller lit the surfels: any radiance and any shadows, once a surfel, however
+    /// many hits. As fine as surfels are: an edge of light or shadow that crosses one is lost, which shows where a surface lies close
+    /// beside it.
     Radiance,
+    /// The radiance that the hit itself sends, lit by a ray to each light through the same hierarchy: exact, and no surfel is
+    /// needed (a cloud with a capacity of 0 surfels does). Four bytes per direction; costs a ray per hit and light. Not with
+    /// [`Primitives::Disks`].
+    LitRadiance,
 }
 
-/// Where the light of a hit is taken from; with [`Payload::Radiance`] alone.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Lighting {
-    /// From the surfel that the hit belongs to, which a [`SurfelShader`](crate::SurfelShader) or the caller has lit: any
-    /// radiance and any shadows, once a surfel, however many hits. As fine as surfels are: an edge of light or shadow
-    /// that crosses one is lost, which shows where a surface lies close beside it.
-    #[default]
-    Surfels,
-    /// From the lights, at the hit itself, by a ray to each through the same bounds: exact, and no surfel is needed (a
-    /// cloud with a capacity of 0 surfels does). Costs a ray a hit and light. Not with [`Primitives::Disks`].
-    Hits,
+impl Payload {
+    /// Whether hits bring radiance, from wherever.
+    pub(crate) fn is_radiance(self) -> bool {
+        self != Self::Occlusion
+    }
 }
 
-/// The lights and materials of [`Lighting::Hits`].
+/// What lights the hits of [`Payload::LitRadiance`].
 #[derive(Clone, Copy, Debug)]
 pub struct HitLighting<'a> {
     /// A storage buffer of one or more [`Material`](crate::Material)s. An index beyond its end takes the last one; a
@@ -36,6 +37,20 @@ pub struct HitLighting<'a> {
     pub materials: &'a Buffer,
     /// Up to 16 that shine. None leaves the surfaces' own emission.
     pub lights: &'a [Light],
+}
+
+/// Where the radiance of hits comes from.
+#[derive(Clone, Copy, Debug, Default)]
+pub enum HitRadiance<'a> {
+    /// From nowhere, for [`Payload::Occlusion`].
+    #[default]
+    None,
+    /// For [`Payload::Radiance`] a storage buffer of a [`SurfelRadiance`](crate::SurfelRadiance) for each surfel of the cloud, as
+    /// the [`SurfelShader`](crate::SurfelShader) or the caller fills it. What is not a number or negative counts as 0, and what is above
+    /// 1e30 as that.
+    Surfels(&'a Buffer),
+    /// For [`Payload::LitRadiance`] lights and materials.
+    Lit(HitLighting<'a>),
 }
 
 /// What a [`BouncedZBuffer`](crate::BouncedZBuffer) is compiled for.
@@ -47,8 +62,6 @@ pub struct BouncedDescriptor {
     pub primitives: Primitives,
     /// How directions are drawn.
     pub sampling: Sampling,
-    /// Where the light of a hit is taken from.
-    pub lighting: Lighting,
     /// Whether to count into [`BouncedView::statistics`](crate::BouncedView::statistics). Slower; for measuring.
     pub statistics: bool,
 }
@@ -56,12 +69,12 @@ pub struct BouncedDescriptor {
 impl BouncedDescriptor {
     /// Whether hits are lit where they are.
     pub(crate) fn lit(&self) -> bool {
-        (self.payload, self.lighting) == (Payload::Radiance, Lighting::Hits)
+        self.payload == Payload::LitRadiance
     }
 
     pub(crate) fn flags(&self) -> Vec<&'static str> {
         let mut flags = Vec::new();
-        flags.extend((self.payload == Payload::Radiance).then_some("RADIANCE"));
+        flags.extend(self.payload.is_radiance().then_some("RADIANCE"));
         flags.extend(matches!(self.primitives, Primitives::Disks { .. }).then_some("DISKS"));
         if self.lit() {
             flags.extend(["LIT", "SHADOW_RAYS"]);

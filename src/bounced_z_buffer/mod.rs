@@ -11,29 +11,26 @@ use wgpu::{
 };
 
 use self::{
-    descriptor::{BouncedDescriptor, HitLighting, Lighting, Payload},
+    descriptor::{BouncedDescriptor, HitLighting, HitRadiance, Payload},
     params::{BouncedParams, DiskParams, LightsParams, MAX_LIGHTS},
     settings::{BouncedSettings, MAX_RAYS_PER_PIXEL, Sampling},
     view::{BouncedView, Hits, Traced},
 };
 use crate::{
     bvh::{Bvh, Primitives},
-    camera::Camera,
     error::{Error, check_setting},
-    gbuffer::{GBuffer, check_roughness},
     geometry::Material,
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_2D, READ, UINT_2D, UNIFORM, WRITE, whole},
         check_timestamps, compute_pass, shader, storage, uniform,
     },
-    receivers::{Receivers, ReceiversPass, check_view_size, plane},
+    receivers::{Frame, check_view_size, plane},
     recorded::Last,
     shaders::{Listing, name_of},
     surfel::SurfelCloud,
     surfel_shader::radiance_bytes,
     surfelizer::settings::Placement,
-    texture_slice::TextureSlice,
 };
 
 const SOURCE: &str = include_str!("../../wgsl/bounced_z_buffer.wgsl");
@@ -50,35 +47,36 @@ pub struct BouncedZBuffer {
     descriptor: BouncedDescriptor,
     layout: BindGroupLayout,
     trace: ComputePipeline,
-    receivers: ReceiversPass,
 }
 
 /// What one recording of the [`BouncedZBuffer`] works on.
 #[derive(Clone, Copy, Debug)]
 pub struct BouncedInput<'a> {
-    /// The caller's G-buffer.
-    pub gbuffer: GBuffer<'a>,
-    /// The camera that the G-buffer was drawn with; it may be another than the cloud's (stereo, split screen).
-    pub camera: &'a Camera,
+    /// The pixels that rays start from, relative to the cloud's origin; its camera may be another than the cloud's (stereo,
+    /// split screen). With [`Sampling::Glossy`] its G-buffer has roughness.
+    pub frame: &'a Frame<'a>,
     /// The cloud whose pieces or surfels rays meet. Recorded with [`SurfelizerSettings::density`](crate::SurfelizerSettings::density)
     /// at infinity its pieces are the caller's triangles, and hits are exact.
     pub cloud: &'a SurfelCloud,
     /// The hierarchy over the cloud's pieces or surfels, recorded since the cloud was.
     pub bvh: &'a Bvh,
-    /// With [`Lighting::Surfels`] and [`Payload::Radiance`] a storage buffer of a
-    /// [`SurfelRadiance`](crate::SurfelRadiance) for each surfel of the cloud, as the [`SurfelShader`](crate::SurfelShader) or
-    /// the caller fills it. What is not a number or negative counts as 0, and what is above 1e30 as that.
-    pub radiance: Option<&'a Buffer>,
-    /// With [`Lighting::Hits`] and [`Payload::Radiance`] what lights the hits.
-    pub lighting: Option<HitLighting<'a>>,
-    /// With [`Sampling::Glossy`] the G-buffer's roughness: perceptual, 0 for a mirror to 1, its square being the width α
-    /// of the Trowbridge-Reitz distribution. The red channel of any float or unorm format, usage `TEXTURE_BINDING`,
-    /// covering the camera's viewport. Values beyond 0…1 are clamped, NaN counts as 1; α is at least 1e-3, below which
-    /// `f32` cannot tell a lobe's directions apart. A shading normal that faces away from the viewer is seen from just
-    /// above its horizon.
-    pub roughness: Option<TextureSlice<'a>>,
+    /// Where the radiance of hits comes from, as the [`Payload`] asks.
+    pub radiance: HitRadiance<'a>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
+}
+
+impl<'a> BouncedInput<'a> {
+    /// For [`Payload::Occlusion`], without timestamps.
+    pub fn new(frame: &'a Frame<'a>, cloud: &'a SurfelCloud, bvh: &'a Bvh) -> Self {
+        Self {
+            frame,
+            cloud,
+            bvh,
+            radiance: HitRadiance::None,
+            timestamps: None,
+        }
+    }
 }
 
 impl BouncedZBuffer {
@@ -108,26 +106,24 @@ impl BouncedZBuffer {
             !descriptor.lit() || descriptor.primitives == Primitives::Triangles,
             "BouncedDescriptor::primitives",
             f64::from(u8::from(descriptor.primitives != Primitives::Triangles)),
-            "Primitives::Triangles, with Lighting::Hits",
+            "Primitives::Triangles, with Payload::LitRadiance",
         )?;
-        entries.extend(match (descriptor.payload, descriptor.lighting) {
-            (Payload::Occlusion, _) => vec![(5, WRITE)],
-            (Payload::Radiance, Lighting::Surfels) => vec![(5, store_colors()), (6, READ)],
-            (Payload::Radiance, Lighting::Hits) => {
-                vec![(5, store_colors()), (13, UNIFORM), (14, READ)]
-            }
+        entries.extend(match descriptor.payload {
+            Payload::Occlusion => vec![(5, WRITE)],
+            Payload::Radiance => vec![(5, store_colors()), (6, READ)],
+            Payload::LitRadiance => vec![(5, store_colors()), (13, UNIFORM), (14, READ)],
         });
         entries.extend(match (descriptor.primitives, descriptor.payload) {
             (Primitives::Disks { .. }, _) => {
                 vec![(2, FLOAT_2D), (16, UNIFORM), (17, READ), (18, READ)]
             }
             (Primitives::Triangles, Payload::Occlusion) => vec![(2, UINT_2D), (3, UINT_2D)],
-            (Primitives::Triangles, Payload::Radiance) => {
+            (Primitives::Triangles, Payload::Radiance | Payload::LitRadiance) => {
                 vec![(2, UINT_2D), (3, UINT_2D), (8, READ)]
             }
         });
         let offsets = descriptor.primitives == Primitives::Triangles
-            && (descriptor.payload, descriptor.lighting) == (Payload::Radiance, Lighting::Surfels);
+            && descriptor.payload == Payload::Radiance;
         entries.extend(offsets.then_some((7, READ)));
         entries.extend(descriptor.statistics.then_some((10, WRITE)));
         if descriptor.sampling == Sampling::Glossy {
@@ -148,7 +144,6 @@ impl BouncedZBuffer {
             descriptor: *descriptor,
             layout,
             trace,
-            receivers: ReceiversPass::new(device, cache)?,
         })
     }
 
@@ -179,7 +174,7 @@ impl BouncedZBuffer {
                 4 * u64::from(words(rays_per_pixel)) * u64::from(width) * u64::from(height),
                 usage,
             )?),
-            Payload::Radiance => {
+            Payload::Radiance | Payload::LitRadiance => {
                 let texture = plane(
                     device,
                     "deep-screen-space hits",
@@ -205,8 +200,7 @@ impl BouncedZBuffer {
             .then(|| storage(device, "deep-screen-space hit statistics", 24, usage))
             .transpose()?;
         Ok(BouncedView {
-            // Last: what the device's limits refuse is known before this much memory is asked for.
-            receivers: Receivers::new(device, size)?,
+            size,
             hits,
             nearness,
             descriptor: self.descriptor,
@@ -219,13 +213,12 @@ impl BouncedZBuffer {
     /// Records the tracing of a view's directions.
     ///
     /// # Errors
-    /// What [`GBuffer::validate`] and [`BouncedSettings::validate`] find; [`Error::Mismatch`] where the view was made for
-    /// another descriptor or size or for fewer directions, or the hierarchy for another cloud's capacity; [`Error::Recording`] where the
-    /// hierarchy was not recorded from this cloud, since that was; [`Error::Buffer`] for radiance
-    /// that is missing or too small, or for materials; what [`Light::validate`](crate::Light::validate) finds; [`Error::Mismatch`] for lighting that is
-    /// missing, and [`Error::Setting`] for too many lights; what [`GBuffer::validate`] finds of views, and [`Error::Mismatch`] where there is none,
-    /// for roughness; [`Error::Setting`] where radiance of pieces is asked for and the surfels are not leaves of them
-    /// ([`Placement::Grid`] and [`Placement::Random`]).
+    /// What [`BouncedSettings::validate`] and, for lights, [`Light::validate`](crate::Light::validate) find; [`Error::Mismatch`]
+    /// where the frame has another origin than the cloud, the view was made for another descriptor or size or for fewer rays, the
+    /// hierarchy for another cloud's capacity, the radiance is none that the payload takes, or the G-buffer lacks the roughness that
+    /// glossy rays need; [`Error::Recording`] where the hierarchy was not recorded from this cloud, since that was; [`Error::Buffer`]
+    /// for radiance that is too small, or for materials; [`Error::Setting`] for too many lights, and where radiance of pieces is asked
+    /// for and the surfels are not leaves of them ([`Placement::Grid`] and [`Placement::Random`]).
     pub fn record(
         &self,
         device: &Device,
@@ -236,24 +229,20 @@ impl BouncedZBuffer {
     ) -> Result<(), Error> {
         settings.validate()?;
         check_timestamps(input.timestamps)?;
-        let viewport = input.camera.viewport();
-        input.gbuffer.validate(viewport)?;
-        let cloud = input.cloud;
+        let (frame, cloud) = (input.frame, input.cloud);
+        let viewport = frame.viewport();
         self.check_view([viewport.width, viewport.height], settings, view)?;
-        let radiance = self.check_radiance(device, input, view)?;
-        let lighting = self.check_lighting(device, input, view)?;
-        let roughness = check_roughness(
-            "BouncedInput::roughness",
-            input.roughness,
-            (self.descriptor.sampling == Sampling::Glossy).then_some("Sampling::Glossy"),
-            viewport,
-        )?;
+        let (radiance, lighting) = self.check_radiance(device, input, view)?;
+        let roughness = match self.descriptor.sampling {
+            Sampling::Glossy => Some(frame.gbuffer.roughness_for("Sampling::Glossy")?),
+            Sampling::Cosine | Sampling::Uniform => None,
+        };
         let disks;
         let (nodes, primitives) = match self.descriptor.primitives {
             Primitives::Triangles => {
                 let bounds = input.bvh.triangles(cloud)?;
                 let mut primitives = vec![(3, binding::view(&bounds.triangles))];
-                if self.descriptor.payload == Payload::Radiance {
+                if self.descriptor.payload.is_radiance() {
                     primitives.push((8, whole(&cloud.pieces)));
                 }
                 primitives.extend(radiance.map(|_| (7, whole(&cloud.piece_offsets.values))));
@@ -271,10 +260,10 @@ impl BouncedZBuffer {
             }
         };
 
+        frame.check_origin(cloud.origin())?;
         view.recorded.set(Traced {
             settings: *settings,
-            camera: *input.camera,
-            origin: cloud.origin(),
+            place: frame.place(),
             of: cloud.last()?,
         });
         if let Some(statistics) = &view.statistics {
@@ -284,25 +273,17 @@ impl BouncedZBuffer {
             encoder.clear_buffer(buffer, 0, None);
         }
         encoder.clear_buffer(&view.nearness, 0, None);
-        self.receivers.record(
-            device,
-            encoder,
-            &input.gbuffer,
-            input.camera,
-            cloud.origin(),
-            &view.receivers,
-        );
         let params = uniform(
             device,
             LABEL,
             &BouncedParams::new(settings, view.size(), cloud.capacity),
         );
-        let camera = uniform(device, LABEL, &input.camera.params(cloud.origin()));
+        let camera = uniform(device, LABEL, &frame.camera.params(frame.origin));
         let mut resources = vec![
             (0, whole(&params)),
             (1, whole(&cloud.counters)),
             (2, binding::view(nodes)),
-            (4, binding::view(&view.receivers.view)),
+            (4, binding::view(&frame.receivers.view)),
             (9, whole(&view.nearness)),
             (11, whole(&camera)),
         ];
@@ -378,64 +359,78 @@ impl BouncedZBuffer {
         Ok(())
     }
 
-    fn check_lighting<'r>(
-        &self,
-        device: &Device,
-        input: &BouncedInput<'r>,
-        view: &BouncedView,
-    ) -> Result<Option<HitLighting<'r>>, Error> {
-        const LIGHTING: &str = "BouncedInput::lighting";
-        const MATERIALS: &str = "HitLighting::materials";
-        if !self.descriptor.lit() {
-            return Ok(None);
-        }
-        let lighting = input.lighting.ok_or_else(|| Error::Mismatch {
-            name: LIGHTING,
-            found: "none".into(),
-            needed: "lights and materials, for Lighting::Hits".into(),
-        })?;
-        binding::check_table::<Material>(device, MATERIALS, lighting.materials)?;
-        binding::check_own(MATERIALS, lighting.materials, &view.statistics)?;
-        for light in lighting.lights {
-            light.validate()?;
-        }
-        let emitting = lighting.lights.iter().filter(|l| l.is_emitting()).count();
-        check_setting(
-            emitting <= MAX_LIGHTS,
-            "HitLighting::lights",
-            emitting as f64,
-            "0 to 16 lights that shine",
-        )?;
-        Ok(Some(lighting))
-    }
-
+    /// The radiance of surfels, or what lights hits, by the payload.
     fn check_radiance<'r>(
         &self,
         device: &Device,
         input: &BouncedInput<'r>,
         view: &BouncedView,
-    ) -> Result<Option<&'r Buffer>, Error> {
-        const RADIANCE: &str = "BouncedInput::radiance";
-        if self.descriptor.payload == Payload::Occlusion || self.descriptor.lit() {
-            return Ok(None);
+    ) -> Result<(Option<&'r Buffer>, Option<HitLighting<'r>>), Error> {
+        match (self.descriptor.payload, input.radiance) {
+            (Payload::Occlusion, _) => Ok((None, None)),
+            (Payload::Radiance, HitRadiance::Surfels(radiance)) => {
+                self.check_surfels(device, input.cloud, radiance, view)?;
+                Ok((Some(radiance), None))
+            }
+            (Payload::LitRadiance, HitRadiance::Lit(lighting)) => {
+                check_lighting(device, &lighting, view)?;
+                Ok((None, Some(lighting)))
+            }
+            (payload, radiance) => Err(Error::Mismatch {
+                name: "BouncedInput::radiance",
+                found: match radiance {
+                    HitRadiance::None => "HitRadiance::None",
+                    HitRadiance::Surfels(_) => "HitRadiance::Surfels",
+                    HitRadiance::Lit(_) => "HitRadiance::Lit",
+                }
+                .into(),
+                needed: match payload {
+                    Payload::LitRadiance => "HitRadiance::Lit, for Payload::LitRadiance",
+                    _ => "HitRadiance::Surfels, for Payload::Radiance",
+                }
+                .into(),
+            }),
         }
+    }
+
+    fn check_surfels(
+        &self,
+        device: &Device,
+        cloud: &SurfelCloud,
+        radiance: &Buffer,
+        view: &BouncedView,
+    ) -> Result<(), Error> {
+        const RADIANCE: &str = "HitRadiance::Surfels";
         check_setting(
-            input.cloud.placement == Placement::Centroid
+            cloud.placement == Placement::Centroid
                 || self.descriptor.primitives != Primitives::Triangles,
             "SurfelizerSettings::placement",
-            f64::from(input.cloud.placement.code()),
+            f64::from(cloud.placement.code()),
             "Placement::Centroid, for radiance of pieces",
         )?;
-        let needed = radiance_bytes(input.cloud);
-        let buffer = input.radiance.ok_or_else(|| Error::Buffer {
-            name: RADIANCE,
-            found: "not been given".into(),
-            needed: format!("usage STORAGE and at least {needed} bytes"),
-        })?;
-        binding::check_first(device, RADIANCE, buffer, needed)?;
-        binding::check_own(RADIANCE, buffer, &view.statistics)?;
-        Ok(Some(buffer))
+        binding::check_first(device, RADIANCE, radiance, radiance_bytes(cloud))?;
+        binding::check_own(RADIANCE, radiance, &view.statistics)
     }
+}
+
+fn check_lighting(
+    device: &Device,
+    lighting: &HitLighting<'_>,
+    view: &BouncedView,
+) -> Result<(), Error> {
+    const MATERIALS: &str = "HitLighting::materials";
+    binding::check_table::<Material>(device, MATERIALS, lighting.materials)?;
+    binding::check_own(MATERIALS, lighting.materials, &view.statistics)?;
+    for light in lighting.lights {
+        light.validate()?;
+    }
+    let emitting = lighting.lights.iter().filter(|l| l.is_emitting()).count();
+    check_setting(
+        emitting <= MAX_LIGHTS,
+        "HitLighting::lights",
+        emitting as f64,
+        "0 to 16 lights that are not black",
+    )
 }
 
 /// Words of bits per pixel.
@@ -454,37 +449,33 @@ fn source(descriptor: &BouncedDescriptor) -> Result<String, Error> {
 
 /// Every module of the pass.
 pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
-    for payload in [Payload::Occlusion, Payload::Radiance] {
+    for payload in [Payload::Occlusion, Payload::Radiance, Payload::LitRadiance] {
         for primitives in [Primitives::Triangles, Primitives::Disks { levels: 1 }] {
             for sampling in [Sampling::Cosine, Sampling::Glossy] {
-                for lighting in [Lighting::Surfels, Lighting::Hits] {
-                    for statistics in [false, true] {
-                        let descriptor = BouncedDescriptor {
-                            payload,
-                            primitives,
-                            sampling,
-                            lighting,
-                            statistics,
-                        };
-                        let lit = lighting == Lighting::Hits;
-                        let disks = primitives != Primitives::Triangles;
-                        if lit && (disks || !descriptor.lit()) {
-                            continue;
-                        }
-                        let name = name_of(
-                            match payload {
-                                Payload::Occlusion => "bounced_z_buffer occlusion",
-                                Payload::Radiance => "bounced_z_buffer radiance",
-                            },
-                            &[
-                                (lit, "lit"),
-                                (disks, "disks"),
-                                (sampling == Sampling::Glossy, "glossy"),
-                                (statistics, "statistics"),
-                            ],
-                        );
-                        all.add(&name, source(&descriptor)?);
+                for statistics in [false, true] {
+                    let descriptor = BouncedDescriptor {
+                        payload,
+                        primitives,
+                        sampling,
+                        statistics,
+                    };
+                    let disks = primitives != Primitives::Triangles;
+                    if descriptor.lit() && disks {
+                        continue;
                     }
+                    let name = name_of(
+                        match payload {
+                            Payload::Occlusion => "bounced_z_buffer occlusion",
+                            Payload::Radiance | Payload::LitRadiance => "bounced_z_buffer radiance",
+                        },
+                        &[
+                            (descriptor.lit(), "lit"),
+                            (disks, "disks"),
+                            (sampling == Sampling::Glossy, "glossy"),
+                            (statistics, "statistics"),
+                        ],
+                    );
+                    all.add(&name, source(&descriptor)?);
                 }
             }
         }

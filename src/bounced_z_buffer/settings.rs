@@ -12,7 +12,7 @@ pub enum Sampling {
     Uniform,
     /// In proportion to the visible normals of a microfacet surface (The Bounced Z-buffer 3.1; Dupuy and Benyoub,
     /// *Sampling Visible GGX Normals with Spherical Caps*, 2023), about the view's reflection: for glossy receivers, of
-    /// the roughness in [`BouncedInput::roughness`](crate::BouncedInput::roughness). Directions below the shading
+    /// the roughness in [`GBuffer::roughness`](crate::GBuffer::roughness). Directions below the shading
     /// normal's horizon are not traced and carry nothing.
     Glossy,
 }

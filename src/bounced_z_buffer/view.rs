@@ -1,28 +1,26 @@
-//! One view's receivers and hits.
+//! One view's hits.
 
-use glam::DVec3;
 use wgpu::{Buffer, TextureFormat, TextureView};
 
 use super::{descriptor::BouncedDescriptor, settings::BouncedSettings};
 use crate::{
-    camera::Camera,
-    receivers::{Receivers, plane_bytes},
+    receivers::{Place, plane_bytes},
     recorded::{Last, Stamp},
 };
 
 /// Hits of all pixels and directions.
 #[derive(Debug)]
 pub(crate) enum Hits {
-    /// `directions / 32` words of bits per pixel, rows from the top.
+    /// `rays_per_pixel / 32` words of bits per pixel, rows from the top.
     Bits(Buffer),
     /// A packed colour, one layer per direction.
     Colors(TextureView),
 }
 
-/// One view's receivers and hits.
+/// One view's hits.
 #[derive(Debug)]
 pub struct BouncedView {
-    pub(crate) receivers: Receivers,
+    pub(super) size: [u32; 2],
     pub(crate) hits: Hits,
     pub(crate) nearness: Buffer,
     pub(crate) descriptor: BouncedDescriptor,
@@ -35,9 +33,8 @@ pub struct BouncedView {
 #[derive(Clone, Debug)]
 pub(crate) struct Traced {
     pub settings: BouncedSettings,
-    pub camera: Camera,
-    /// The cloud's.
-    pub origin: DVec3,
+    /// The frame's.
+    pub place: Place,
     /// The cloud's recording.
     pub of: Stamp,
 }
@@ -45,13 +42,7 @@ pub(crate) struct Traced {
 impl BouncedView {
     /// Width and height in pixels: that of the cameras' viewports.
     pub fn size(&self) -> [u32; 2] {
-        self.receivers.size
-    }
-
-    /// The receivers: `Rgba32Uint`, in xyz the bits of the position in the cloud's space, in w the octahedral
-    /// normal, 0x80008000 for the sky (usages `TEXTURE_BINDING | COPY_SRC`).
-    pub fn receivers(&self) -> &TextureView {
-        &self.receivers.view
+        self.size
     }
 
     /// How many directions it has room for.
@@ -102,9 +93,6 @@ impl BouncedView {
                 self.rays_per_pixel.max(1),
             ),
         };
-        plane_bytes(TextureFormat::Rgba32Uint, self.size(), 1)
-            + hits
-            + self.nearness.size()
-            + self.statistics.as_ref().map_or(0, Buffer::size)
+        hits + self.nearness.size() + self.statistics.as_ref().map_or(0, Buffer::size)
     }
 }

@@ -14,10 +14,9 @@ use crate::{
         BouncedZBuffer,
         descriptor::{BouncedDescriptor, Payload},
         settings::Sampling,
-        view::{BouncedView, Hits, Traced},
+        view::{BouncedView, Hits},
     },
     error::Error,
-    gbuffer::{GBuffer, check_roughness},
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_2D, READ, UINT_2D, UINT_ARRAY, UNIFORM, view, whole},
@@ -25,6 +24,7 @@ use crate::{
         screen::{self, Screen},
         shader, uniform,
     },
+    receivers::Frame,
     receivers::{plane, plane_bytes},
     shaders::{Listing, name_of},
     texture_slice::{TextureSlice, check_apart},
@@ -80,7 +80,7 @@ impl HitResolverDescriptor {
 
     /// Whether it multiplies by the G-buffer's albedo.
     fn albedo(&self) -> bool {
-        self.payload == Payload::Radiance && !self.glossy()
+        self.payload.is_radiance() && !self.glossy()
     }
 }
 
@@ -103,17 +103,32 @@ impl HitResolverView {
 /// What one recording of the [`HitResolver`] works on.
 #[derive(Clone, Copy, Debug)]
 pub struct HitResolverInput<'a> {
-    /// The G-buffer that was traced from; with [`Payload::Radiance`] its albedo is needed, unless receivers are glossy.
-    pub gbuffer: GBuffer<'a>,
-    /// The roughness that was traced with, as [`BouncedInput::roughness`](crate::BouncedInput::roughness).
-    pub roughness: Option<TextureSlice<'a>>,
-    /// The hits, traced since their cloud was recorded. They know their camera and settings.
+    /// The frame that was traced from. With radiance its G-buffer has the albedo, unless receivers are glossy, and the roughness
+    /// if they are.
+    pub frame: &'a Frame<'a>,
+    /// The hits, traced from this frame since their cloud was recorded. They know their settings.
     pub hits: &'a BouncedView,
     /// The caller's texture, of the descriptor's format, usage `RENDER_ATTACHMENT`, covering the camera's viewport.
     /// Only the viewport is written.
     pub target: TextureSlice<'a>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
+}
+
+impl<'a> HitResolverInput<'a> {
+    /// Without timestamps.
+    pub fn new(
+        frame: &'a Frame<'a>,
+        hits: &'a BouncedView,
+        target: impl Into<TextureSlice<'a>>,
+    ) -> Self {
+        Self {
+            frame,
+            hits,
+            target: target.into(),
+            timestamps: None,
+        }
+    }
 }
 
 impl BouncedZBuffer {
@@ -153,7 +168,7 @@ impl HitResolver {
         cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
         screen::check_format(device, "HitResolver target", descriptor.target)?;
-        let radiance = descriptor.payload == Payload::Radiance;
+        let radiance = descriptor.payload.is_radiance();
         let hits = if radiance { UINT_ARRAY } else { READ };
         let shared = [(0, UNIFORM), (1, UINT_2D), (2, hits)];
         let mut average = shared.to_vec();
@@ -270,15 +285,11 @@ impl HitResolver {
     ) -> Result<(), Error> {
         settings.validate()?;
         check_timestamps(input.timestamps)?;
-        let (traced, albedo) = self.check(input, scratch)?;
-        let viewport = traced.camera.viewport();
-        let roughness = check_roughness(
-            "HitResolverInput::roughness",
-            input.roughness,
-            self.descriptor.glossy().then_some("Sampling::Glossy"),
-            viewport,
-        )?;
-        let params = HitResolverParams::new(settings, &traced);
+        let [roughness, albedo] = self.check(input, scratch)?;
+        let frame = input.frame;
+        let traced = input.hits.recorded.get("BouncedView")?;
+        let viewport = frame.viewport();
+        let params = HitResolverParams::new(settings, frame, &traced.settings);
         let params = uniform(device, LABEL, &params);
         let hits = match &input.hits.hits {
             Hits::Bits(buffer) => whole(buffer),
@@ -286,7 +297,7 @@ impl HitResolver {
         };
         let shared = [
             (0, whole(&params)),
-            (1, view(&input.hits.receivers.view)),
+            (1, view(&frame.receivers.view)),
             (2, hits),
         ];
         let near = [
@@ -329,17 +340,24 @@ impl HitResolver {
         Ok(())
     }
 
-    /// What was traced, and the albedo where it is needed.
+    /// The roughness and the albedo, each where it is needed.
     fn check<'t>(
         &self,
         input: &HitResolverInput<'t>,
         scratch: &HitResolverView,
-    ) -> Result<(Traced, Option<TextureSlice<'t>>), Error> {
+    ) -> Result<[Option<TextureSlice<'t>>; 2], Error> {
         const TARGET: &str = "HitResolverInput::target";
+        let HitResolverInput {
+            frame,
+            hits,
+            target,
+            ..
+        } = input;
+        let kind = |payload: Payload, sampling| (payload.is_radiance(), sampling);
         let BouncedDescriptor {
             payload, sampling, ..
-        } = input.hits.descriptor;
-        if (payload, sampling) != (self.descriptor.payload, self.descriptor.sampling) {
+        } = hits.descriptor;
+        if kind(payload, sampling) != kind(self.descriptor.payload, self.descriptor.sampling) {
             return Err(Error::Mismatch {
                 name: "HitResolverInput::hits",
                 found: format!("{payload:?}, {sampling:?}"),
@@ -349,34 +367,29 @@ impl HitResolver {
                 ),
             });
         }
-        let traced = input.hits.recorded.get("BouncedView")?;
+        let traced = hits.recorded.get("BouncedView")?;
         traced.of.check_last("BouncedView", "SurfelCloud")?;
-        let viewport = traced.camera.viewport();
-        let size = input.hits.size();
-        input.gbuffer.validate(viewport)?;
-        screen::check_target(TARGET, &input.target, viewport, self.descriptor.target)?;
-        let roughness = input.roughness;
-        let roughness = roughness.map(|slice| ("HitResolverInput::roughness", slice, 1));
-        let reads = input.gbuffer.reads().chain(roughness);
-        check_apart(TARGET, &input.target, reads)?;
-        if scratch.size != size {
+        frame.check_place("BouncedView", &traced.place)?;
+        screen::check_target(TARGET, target, frame.viewport(), self.descriptor.target)?;
+        check_apart(TARGET, target, frame.gbuffer.reads())?;
+        if scratch.size != hits.size() {
             return Err(Error::Mismatch {
                 name: "HitResolverView",
                 found: format!("{:?} pixels", scratch.size),
-                needed: format!("{size:?} pixels"),
+                needed: format!("{:?} pixels", hits.size()),
             });
         }
-        if !self.descriptor.albedo() {
-            return Ok((traced, None));
-        }
-        match input.gbuffer.albedo {
-            Some(albedo) => Ok((traced, Some(albedo))),
-            None => Err(Error::Mismatch {
-                name: "GBuffer::albedo",
-                found: "none".into(),
-                needed: "one, for radiance of diffuse receivers".into(),
-            }),
-        }
+        let glossy = self.descriptor.glossy();
+        let albedo = self.descriptor.albedo();
+        let gbuffer = &frame.gbuffer;
+        Ok([
+            glossy
+                .then(|| gbuffer.roughness_for("Sampling::Glossy"))
+                .transpose()?,
+            albedo
+                .then(|| gbuffer.albedo_for("radiance of diffuse receivers"))
+                .transpose()?,
+        ])
     }
 }
 
@@ -393,7 +406,7 @@ fn source(descriptor: &HitResolverDescriptor, stage: HitStage) -> Result<String,
     let mut flags = Vec::new();
     // Whatever was hit, how near it is means the same.
     if stage != HitStage::Near {
-        flags.extend((descriptor.payload == Payload::Radiance).then_some("RADIANCE"));
+        flags.extend(descriptor.payload.is_radiance().then_some("RADIANCE"));
         flags.extend(descriptor.glossy().then_some("GLOSSY"));
         flags.extend(descriptor.albedo().then_some("ALBEDO"));
     }
@@ -431,7 +444,7 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
                 let name = name_of(
                     match payload {
                         Payload::Occlusion => "hit_resolver occlusion",
-                        Payload::Radiance => "hit_resolver radiance",
+                        Payload::Radiance | Payload::LitRadiance => "hit_resolver radiance",
                     },
                     &[
                         (sampling == Sampling::Glossy, "glossy"),

@@ -4,8 +4,9 @@ use bytemuck::{Pod, Zeroable};
 
 use super::settings::HitResolverSettings;
 use crate::{
-    bounced_z_buffer::{params::grid, view::Traced, words},
+    bounced_z_buffer::{params::grid, settings::BouncedSettings, words},
     camera::CameraParams,
+    receivers::Frame,
 };
 
 #[repr(C)]
@@ -59,11 +60,14 @@ pub(crate) fn near_radius(rays_per_pixel: u32) -> u32 {
 }
 
 impl HitResolverParams {
-    pub fn new(settings: &HitResolverSettings, traced: &Traced) -> Self {
-        let bounced = &traced.settings;
+    pub fn new(
+        settings: &HitResolverSettings,
+        frame: &Frame<'_>,
+        bounced: &BouncedSettings,
+    ) -> Self {
         let [columns, rows] = grid(bounced.rays_per_pixel);
         Self {
-            camera: traced.camera.params(traced.origin),
+            camera: frame.camera.params(frame.origin),
             columns,
             rows,
             frame: bounced.frame,

@@ -8,13 +8,13 @@ use wgpu::{
 };
 
 use crate::{
-    camera::{Camera, CameraParams},
+    camera::{Camera, CameraParams, Viewport, check_origin},
     error::{Error, check_limit, check_setting},
     gbuffer::GBuffer,
     gpu::{
-        Kernel,
+        Kernel, Timestamps,
         binding::{self, FLOAT_2D, READ, UNIFORM, view, whole},
-        compute_pass, shader, uniform,
+        check_timestamps, compute_pass, shader, uniform,
     },
     shaders::Listing,
     work::PixelList,
@@ -27,20 +27,52 @@ const LABEL: &str = "deep-screen-space receivers";
 /// Half a unit in the last place of an f32.
 pub(crate) const DEPTH_RELATIVE: f32 = 6e-8;
 
-/// Position and normal of each pixel of a view, 16 bytes per pixel.
+/// Position and normal of each pixel of a view: what receives light, or is occluded.
 #[derive(Debug)]
-pub(crate) struct Receivers {
-    pub size: [u32; 2],
-    pub view: TextureView,
+pub struct Receivers {
+    pub(crate) size: [u32; 2],
+    pub(crate) view: TextureView,
 }
 
 impl Receivers {
-    pub fn new(device: &Device, size: [u32; 2]) -> Result<Self, Error> {
+    pub(crate) fn new(device: &Device, size: [u32; 2]) -> Result<Self, Error> {
         let texture = plane(device, LABEL, TextureFormat::Rgba32Uint, size, 1)?;
         Ok(Self {
             size,
             view: texture.create_view(&wgpu::TextureViewDescriptor::default()),
         })
+    }
+
+    /// Those that another's are copied to.
+    pub(crate) fn copied(device: &Device, size: [u32; 2]) -> Result<Self, Error> {
+        let usage = TextureUsages::COPY_DST;
+        let texture = plane_for(device, LABEL, TextureFormat::Rgba32Uint, size, 1, usage)?;
+        Ok(Self {
+            size,
+            view: texture.create_view(&wgpu::TextureViewDescriptor::default()),
+        })
+    }
+
+    /// Copies all of them to others of the same size.
+    pub(crate) fn copy_to(&self, encoder: &mut CommandEncoder, other: &Self) {
+        let [from, to] = [self, other].map(|receivers| receivers.view.texture());
+        encoder.copy_texture_to_texture(from.as_image_copy(), to.as_image_copy(), from.size());
+    }
+
+    /// Width and height in pixels: that of the camera's viewport.
+    pub fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
+    /// `Rgba32Uint`: in xyz the bits of the position relative to the frame's origin, in w the octahedral normal as two snorm16,
+    /// or `0x8000_8000` for the sky; row 0 on top (usages `TEXTURE_BINDING | COPY_SRC`).
+    pub fn view(&self) -> &TextureView {
+        &self.view
+    }
+
+    /// GPU memory that it owns, bytes: 16 per pixel.
+    pub fn memory_bytes(&self) -> u64 {
+        plane_bytes(TextureFormat::Rgba32Uint, self.size, 1)
     }
 }
 
@@ -143,14 +175,123 @@ pub(crate) struct ListedReceiversParams {
     padding: [u32; 3],
 }
 
-/// The pipeline.
+/// Decodes a G-buffer for the passes that start from the pixels' surfaces: splatting, rays, the hull, reflective shadow maps
+/// and temporal accumulation. One decoding per frame and view serves all of them.
+///
+/// Holds a pipeline only; one serves any number of views.
 #[derive(Debug)]
-pub(crate) struct ReceiversPass {
+pub struct GBufferDecoder {
     layout: wgpu::BindGroupLayout,
     prepare: ComputePipeline,
 }
 
-impl ReceiversPass {
+/// What one recording of the [`GBufferDecoder`] works on.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameInput<'a> {
+    /// The caller's G-buffer.
+    pub gbuffer: GBuffer<'a>,
+    /// The camera that it was drawn with.
+    pub camera: &'a Camera,
+    /// The point of the world that positions shall be relative to: for surfels and rays that of their cloud
+    /// ([`SurfelCloud::origin`](crate::SurfelCloud::origin)), for the hull that of what its gatherer bound. Each component within
+    /// ±1e18.
+    pub origin: DVec3,
+    /// Where to write begin and end times, if anywhere.
+    pub timestamps: Option<Timestamps<'a>>,
+}
+
+impl<'a> FrameInput<'a> {
+    /// With the camera's [focus](Camera::focus) as origin, which is that of a cloud that was recorded for this camera.
+    pub fn new(gbuffer: GBuffer<'a>, camera: &'a Camera) -> Self {
+        Self {
+            gbuffer,
+            camera,
+            origin: camera.focus(),
+            timestamps: None,
+        }
+    }
+}
+
+/// A G-buffer, its camera, and what was decoded of it: what passes start from. Made by [`GBufferDecoder::record`].
+///
+/// As long as it exists its [`Receivers`] cannot be recorded anew, so that passes never read those of another frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame<'a> {
+    pub(crate) gbuffer: GBuffer<'a>,
+    pub(crate) camera: Camera,
+    pub(crate) origin: DVec3,
+    pub(crate) receivers: &'a Receivers,
+}
+
+/// Where a frame's pixels are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Place {
+    camera: Camera,
+    origin: DVec3,
+}
+
+impl<'a> Frame<'a> {
+    /// The G-buffer that was decoded.
+    pub fn gbuffer(&self) -> &GBuffer<'a> {
+        &self.gbuffer
+    }
+
+    /// The camera that it was drawn with.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// The point of the world that positions are relative to.
+    pub fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
+    /// What was decoded.
+    pub fn receivers(&self) -> &'a Receivers {
+        self.receivers
+    }
+
+    pub(crate) fn viewport(&self) -> Viewport {
+        self.camera.viewport()
+    }
+
+    /// [`Error::Mismatch`] for positions that are relative to another point than those of a cloud.
+    pub(crate) fn check_origin(&self, origin: DVec3) -> Result<(), Error> {
+        if self.origin == origin {
+            return Ok(());
+        }
+        Err(Error::Mismatch {
+            name: "FrameInput::origin",
+            found: self.origin.to_string(),
+            needed: format!("{origin}, the cloud's"),
+        })
+    }
+
+    /// [`Error::Recording`] for `name`, which was recorded from pixels of another place than this frame's.
+    pub(crate) fn check_place(&self, name: &'static str, place: &Place) -> Result<(), Error> {
+        if self.place() == *place {
+            return Ok(());
+        }
+        Err(Error::Recording {
+            name,
+            found: "recorded from a Frame of another camera or origin".into(),
+        })
+    }
+
+    /// What is made from the frame remembers it by this.
+    pub(crate) fn place(&self) -> Place {
+        Place {
+            camera: self.camera,
+            origin: self.origin,
+        }
+    }
+}
+
+impl GBufferDecoder {
+    /// Compiles the pipeline. Needs no features and nothing beyond `Limits::default()`.
+    ///
+    /// # Errors
+    /// None today.
     pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
         let layout = layout(device, false);
         let module = shader::create(device, LABEL, source(false)?);
@@ -160,20 +301,53 @@ impl ReceiversPass {
         })
     }
 
-    /// Records into a pass of its own; `origin` is the eye that positions shall be relative to.
-    pub fn record(
+    /// Room for a view of `width` × `height` pixels.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for a size out of range, [`Error::Limit`] for one beyond the device's.
+    pub fn create_receivers(
+        &self,
+        device: &Device,
+        width: u32,
+        height: u32,
+    ) -> Result<Receivers, Error> {
+        Receivers::new(device, [width, height])
+    }
+
+    /// Records the decoding of a frame.
+    ///
+    /// # Errors
+    /// What [`GBuffer::validate`] finds, also of roughness; [`Error::Setting`] for an origin out of range;
+    /// [`Error::Mismatch`] where the receivers have another size than the camera's viewport.
+    pub fn record<'a>(
         &self,
         device: &Device,
         encoder: &mut CommandEncoder,
-        gbuffer: &GBuffer<'_>,
-        camera: &Camera,
-        origin: DVec3,
-        receivers: &Receivers,
-    ) {
+        input: &FrameInput<'a>,
+        receivers: &'a mut Receivers,
+    ) -> Result<Frame<'a>, Error> {
+        check_timestamps(input.timestamps)?;
+        let FrameInput {
+            gbuffer,
+            camera,
+            origin,
+            ..
+        } = *input;
+        let viewport = camera.viewport();
+        gbuffer.validate(viewport)?;
+        check_origin("FrameInput::origin", origin)?;
+        let size = [viewport.width, viewport.height];
+        if receivers.size != size {
+            return Err(Error::Mismatch {
+                name: "Receivers",
+                found: format!("{:?} pixels", receivers.size),
+                needed: format!("{size:?} pixels"),
+            });
+        }
         let params = uniform(
             device,
             LABEL,
-            &ReceiversParams::new(gbuffer, camera, origin),
+            &ReceiversParams::new(&gbuffer, camera, origin),
         );
         let group = binding::group(
             device,
@@ -186,14 +360,16 @@ impl ReceiversPass {
                 (3, view(&receivers.view)),
             ],
         );
-        let mut pass = compute_pass(encoder, LABEL, None);
+        let mut pass = compute_pass(encoder, LABEL, input.timestamps);
         pass.set_pipeline(&self.prepare);
         pass.set_bind_group(0, &group, &[]);
-        pass.dispatch_workgroups(
-            receivers.size[0].div_ceil(8),
-            receivers.size[1].div_ceil(8),
-            1,
-        );
+        pass.dispatch_workgroups(size[0].div_ceil(8), size[1].div_ceil(8), 1);
+        Ok(Frame {
+            gbuffer,
+            camera: *camera,
+            origin,
+            receivers,
+        })
     }
 }
 
@@ -216,18 +392,18 @@ impl ListedReceiversPass {
         })
     }
 
-    /// As [`ReceiversPass::record`]; `receivers` have the size of the list's level.
+    /// As [`GBufferDecoder::record`]; `receivers` have the size of the list's level.
     pub fn record(
         &self,
         device: &Device,
         encoder: &mut CommandEncoder,
-        (gbuffer, camera): (&GBuffer<'_>, &Camera),
-        origin: DVec3,
+        frame: &Frame<'_>,
         work: &PixelList<'_>,
         receivers: &Receivers,
     ) {
+        let gbuffer = &frame.gbuffer;
         let params = ListedReceiversParams {
-            gbuffer: ReceiversParams::new(gbuffer, camera, origin),
+            gbuffer: ReceiversParams::new(gbuffer, &frame.camera, frame.origin),
             level: work.level,
             padding: [0; 3],
         };
@@ -241,7 +417,7 @@ impl ListedReceiversPass {
                 (1, view(&gbuffer.depth.read())),
                 (2, view(&gbuffer.normal.read())),
                 (3, view(&receivers.view)),
-                (4, work.list(camera.viewport())),
+                (4, work.list(frame.viewport())),
             ],
         );
         let mut pass = compute_pass(encoder, LABEL, None);

@@ -13,7 +13,6 @@ use crate::{
     camera::Viewport,
     effect::Effect,
     error::Error,
-    gbuffer::GBuffer,
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_2D, FLOAT_ARRAY, UINT_2D, UNIFORM, view, whole},
@@ -21,6 +20,7 @@ use crate::{
         screen::{self, Screen},
         shader, uniform,
     },
+    receivers::Frame,
     receivers::{plane, plane_bytes},
     shaders::Listing,
     shell_splatter::{ShellSplatter, SplatView, Splatted},
@@ -81,9 +81,9 @@ impl ReconstructorView {
 /// What one recording of the [`Reconstructor`] works on.
 #[derive(Clone, Copy, Debug)]
 pub struct ReconstructorInput<'a> {
-    /// The G-buffer that was splatted to, of which effects with [`Effect::albedo`] take the albedo.
-    pub gbuffer: GBuffer<'a>,
-    /// The sums, splatted since their cloud was recorded. They know their camera, levels and sub-image.
+    /// The frame that was splatted to, of whose G-buffer effects with [`Effect::albedo`] take the albedo.
+    pub frame: &'a Frame<'a>,
+    /// The sums, splatted to this frame since their cloud was recorded. They know their levels and sub-image.
     pub sums: &'a SplatView,
     /// The caller's texture, of the format that the reconstructor was made for, usage `RENDER_ATTACHMENT`, covering the
     /// camera's viewport, or having a sub-image's pixels from the corner. Only these are written. What a work list left
@@ -91,6 +91,22 @@ pub struct ReconstructorInput<'a> {
     pub target: TextureSlice<'a>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
+}
+
+impl<'a> ReconstructorInput<'a> {
+    /// Without timestamps.
+    pub fn new(
+        frame: &'a Frame<'a>,
+        sums: &'a SplatView,
+        target: impl Into<TextureSlice<'a>>,
+    ) -> Self {
+        Self {
+            frame,
+            sums,
+            target: target.into(),
+            timestamps: None,
+        }
+    }
 }
 
 impl ShellSplatter {
@@ -238,10 +254,13 @@ impl Reconstructor {
         settings.validate()?;
         check_timestamps(input.timestamps)?;
         let (splatted, viewport) = self.check(input, scratch)?;
-        let params = ReconstructorParams::new(settings, &splatted);
+        let params = ReconstructorParams::new(settings, input.frame, &splatted);
         let params = uniform(device, LABEL, &params);
         let smoothing = scratch.scratch.as_ref().filter(|_| splatted.levels > 1);
-        let shared = [(0, whole(&params)), (1, view(&input.sums.receivers.view))];
+        let shared = [
+            (0, whole(&params)),
+            (1, view(&input.sums.receivers(&splatted, input.frame).view)),
+        ];
 
         if let Some(scratch) = smoothing {
             let group = |from, to| {
@@ -264,7 +283,7 @@ impl Reconstructor {
         let mut resources = shared.to_vec();
         resources.push((2, view(input.sums.sums())));
         resources.extend(smoothing.map(|scratch| (3, view(&scratch.total))));
-        let albedo = input.gbuffer.albedo.filter(|_| self.effect.albedo);
+        let albedo = input.frame.gbuffer.albedo.filter(|_| self.effect.albedo);
         let albedo = albedo.map(|slice| slice.read());
         resources.extend(albedo.as_ref().map(|albedo| (4, view(albedo))));
         let group = binding::group(
@@ -295,6 +314,8 @@ impl Reconstructor {
         let sums = input.sums;
         let splatted = sums.recorded.get("SplatView")?;
         splatted.of.check_last("SplatView", "SurfelCloud")?;
+        let frame = input.frame;
+        frame.check_place("SplatView", &splatted.place)?;
         if *splatted.effect != self.effect {
             return Err(Error::Mismatch {
                 name: "SplatView",
@@ -302,22 +323,17 @@ impl Reconstructor {
                 needed: format!("those of the very effect {}", self.effect.label),
             });
         }
-        let whole = splatted.camera.viewport();
+        let whole = frame.viewport();
         let viewport = splatted.sub_image.map_or(whole, |level| {
             let [width, height] = level_size([whole.width, whole.height], level);
             Viewport::full(width, height)
         });
         screen::check_target(TARGET, &input.target, viewport, self.target)?;
         if self.effect.albedo {
-            input.gbuffer.validate(whole)?;
-            check_apart(TARGET, &input.target, input.gbuffer.reads())?;
-            if input.gbuffer.albedo.is_none() {
-                return Err(Error::Mismatch {
-                    name: "GBuffer",
-                    found: "no albedo".into(),
-                    needed: format!("the effect {}", self.effect.label),
-                });
-            }
+            check_apart(TARGET, &input.target, frame.gbuffer.reads())?;
+            frame
+                .gbuffer
+                .albedo_for(&format!("the effect {}", self.effect.label))?;
         }
         let size = sums.size();
         if scratch.size != size

@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::settings::ReconstructorSettings;
-use crate::{camera::CameraParams, shell_splatter::Splatted, work::level_size};
+use crate::{camera::CameraParams, receivers::Frame, shell_splatter::Splatted, work::level_size};
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -19,11 +19,11 @@ pub struct ReconstructorParams {
 }
 
 impl ReconstructorParams {
-    pub fn new(settings: &ReconstructorSettings, splatted: &Splatted) -> Self {
+    pub fn new(settings: &ReconstructorSettings, frame: &Frame<'_>, splatted: &Splatted) -> Self {
         let &Splatted {
             levels, sub_image, ..
         } = splatted;
-        let full = splatted.camera.params(splatted.origin);
+        let full = frame.camera.params(frame.origin);
         let [_, _, width, height] = full.viewport;
         let part = |level| full.of_sub_image(level_size([width, height], level), level);
         Self {

@@ -98,7 +98,7 @@ impl HitResolution<'_> {
                 let mean = sum * per_weight;
                 let spread = (squares * per_weight - luminance(mean) * luminance(mean)).max(0.0);
                 let whole = match self.payload {
-                    Payload::Radiance => luminance(mean),
+                    Payload::Radiance | Payload::LitRadiance => luminance(mean),
                     Payload::Occlusion => 1.0,
                 };
                 let chance = 0.5 * whole / rays_per_pixel as f64;
@@ -272,7 +272,7 @@ impl HitResolution<'_> {
         let slope_v = (uu * along_v - uv * along_u) * per_determinant;
         let value = own.mean + average - slope_u * middle.x - slope_v * middle.y;
         Some(match self.payload {
-            Payload::Radiance => value.max(DVec3::ZERO),
+            Payload::Radiance | Payload::LitRadiance => value.max(DVec3::ZERO),
             Payload::Occlusion => value.clamp(DVec3::ZERO, DVec3::ONE),
         })
     }

@@ -8,18 +8,17 @@ use glam::DVec3;
 use wgpu::{BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache, ShaderStages};
 
 use crate::{
-    camera::{Camera, CameraParams},
+    camera::CameraParams,
     error::{Error, check_setting},
-    gbuffer::GBuffer,
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_2D, UINT_2D, UNIFORM, WRITE, view, whole},
         check_timestamps, compute_pass, shader, storage, uniform,
     },
     light::{Light, LightParams},
-    receivers::{Receivers, ReceiversPass},
+    receivers::Frame,
     recorded::Last,
-    sg_hull::{bound::check_origin, gatherer::PolygonLight},
+    sg_hull::gatherer::PolygonLight,
     shaders::Listing,
 };
 
@@ -32,14 +31,13 @@ const LABEL: &str = "deep-screen-space reflective shadow map";
 #[derive(Debug)]
 pub struct ReflectiveShadowMap {
     layout: wgpu::BindGroupLayout,
-    receivers: ReceiversPass,
     kernel: ComputePipeline,
 }
 
 /// The lights of one map.
 #[derive(Debug)]
 pub struct ReflectiveShadowMapView {
-    receivers: Receivers,
+    size: [u32; 2],
     lights: wgpu::Buffer,
     /// The origin, shared with what a gatherer bound of it.
     pub(crate) recorded: Arc<Last<DVec3>>,
@@ -55,16 +53,12 @@ impl ReflectiveShadowMapView {
 /// What one recording of the [`ReflectiveShadowMap`] works on.
 #[derive(Clone, Copy, Debug)]
 pub struct ReflectiveShadowMapInput<'a> {
-    /// The G-buffer from the light, with albedo.
-    pub gbuffer: GBuffer<'a>,
-    /// The camera that it was drawn with: where the light is for point and spot lights, along its direction for
-    /// directional ones.
-    pub camera: &'a Camera,
+    /// The view from the light, with albedo: its camera is where the light is for point and spot lights, along its direction for
+    /// directional ones. Its origin is the point of the world that the lights' corners are relative to: that of the frame
+    /// which the hull is recorded for.
+    pub frame: &'a Frame<'a>,
     /// The light.
     pub light: Light,
-    /// The point of the world that the lights' corners shall be relative to, as
-    /// [`SgHullInput::origin`](crate::SgHullInput::origin).
-    pub origin: DVec3,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -75,6 +69,17 @@ pub struct ReflectiveShadowMapInput<'a> {
 pub(crate) struct ReflectiveShadowMapParams {
     pub(crate) camera: CameraParams,
     pub(crate) light: LightParams,
+}
+
+impl<'a> ReflectiveShadowMapInput<'a> {
+    /// Without timestamps.
+    pub fn new(frame: &'a Frame<'a>, light: Light) -> Self {
+        Self {
+            frame,
+            light,
+            timestamps: None,
+        }
+    }
 }
 
 impl ReflectiveShadowMap {
@@ -99,11 +104,7 @@ impl ReflectiveShadowMap {
             cache,
         }
         .create(device);
-        Ok(Self {
-            layout,
-            receivers: ReceiversPass::new(device, cache)?,
-            kernel,
-        })
+        Ok(Self { layout, kernel })
     }
 
     /// Room for a map of `width` × `height` texels, 1 to 1024 a side.
@@ -126,7 +127,7 @@ impl ReflectiveShadowMap {
         }
         let bytes = u64::from(width) * u64::from(height) * size_of::<PolygonLight>() as u64;
         Ok(ReflectiveShadowMapView {
-            receivers: Receivers::new(device, [width, height])?,
+            size: [width, height],
             lights: storage(
                 device,
                 "deep-screen-space polygon lights",
@@ -140,8 +141,8 @@ impl ReflectiveShadowMap {
     /// Records the lights of a map.
     ///
     /// # Errors
-    /// What [`GBuffer::validate`] and [`Light::validate`] find; [`Error::Mismatch`] without albedo, and where the view has
-    /// another size than the camera's viewport.
+    /// What [`Light::validate`] finds; [`Error::Mismatch`] without albedo, and where the view has
+    /// another size than the frame.
     pub fn record(
         &self,
         device: &Device,
@@ -151,39 +152,24 @@ impl ReflectiveShadowMap {
     ) -> Result<(), Error> {
         check_timestamps(input.timestamps)?;
         input.light.validate()?;
-        let viewport = input.camera.viewport();
-        input.gbuffer.validate(viewport)?;
-        let Some(albedo) = input.gbuffer.albedo else {
-            return Err(Error::Mismatch {
-                name: "GBuffer",
-                found: "no albedo".into(),
-                needed: "one, for what the map reflects".into(),
-            });
-        };
+        let frame = input.frame;
+        let albedo = frame.gbuffer.albedo_for("what the map reflects")?;
+        let viewport = frame.viewport();
         let size = [viewport.width, viewport.height];
-        if map.receivers.size != size {
+        if map.size != size {
             return Err(Error::Mismatch {
                 name: "ReflectiveShadowMapView",
-                found: format!("{:?} texels", map.receivers.size),
+                found: format!("{:?} texels", map.size),
                 needed: format!("{size:?} texels"),
             });
         }
-        check_origin("ReflectiveShadowMapInput::origin", input.origin)?;
-        map.recorded.set(input.origin);
-        self.receivers.record(
-            device,
-            encoder,
-            &input.gbuffer,
-            input.camera,
-            input.origin,
-            &map.receivers,
-        );
+        map.recorded.set(frame.origin);
         let params = uniform(
             device,
             LABEL,
             &ReflectiveShadowMapParams {
-                camera: input.camera.params(input.origin),
-                light: LightParams::new(&input.light, input.origin),
+                camera: frame.camera.params(frame.origin),
+                light: LightParams::new(&input.light, frame.origin),
             },
         );
         let group = binding::group(
@@ -192,7 +178,7 @@ impl ReflectiveShadowMap {
             &self.layout,
             &[
                 (0, whole(&params)),
-                (1, view(&map.receivers.view)),
+                (1, view(&frame.receivers.view)),
                 (2, view(&albedo.read())),
                 (3, whole(&map.lights)),
             ],

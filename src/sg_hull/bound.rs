@@ -105,7 +105,7 @@ impl GathererBinding {
             return Err(Error::Mismatch {
                 name: NAME,
                 found: format!("positions relative to {at}"),
-                needed: format!("SgHullInput::origin, {origin}"),
+                needed: format!("FrameInput::origin, {origin}"),
             });
         }
         match &self.cloud {
@@ -113,18 +113,4 @@ impl GathererBinding {
             None => Ok(()),
         }
     }
-}
-
-/// [`Error::Setting`] for an origin that is not finite or so far off that positions leave the range of `f32`.
-pub(crate) fn check_origin(field: &'static str, origin: DVec3) -> Result<(), Error> {
-    const FARTHEST: f64 = 1e18;
-    for value in origin.to_array() {
-        crate::error::check_setting(
-            value.abs() < FARTHEST,
-            field,
-            value,
-            "finite, nearer than 1e18 to the world's origin",
-        )?;
-    }
-    Ok(())
 }

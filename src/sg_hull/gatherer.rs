@@ -6,7 +6,8 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use wgpu::{BindGroupLayout, Buffer, BufferUsages, Device, ShaderStages};
 
-use super::bound::{GathererBinding, Origin, check_origin};
+use super::bound::{GathererBinding, Origin};
+use crate::camera::check_origin;
 use crate::{
     error::Error,
     gpu::binding::{self, READ, whole},
@@ -27,7 +28,7 @@ const LABEL: &str = "deep-screen-space gatherer";
 /// fn gather(position: vec3f, normal: vec3f, lane: u32, lanes: u32) -> Lobes
 /// ```
 ///
-/// `position` is relative to [`SgHullInput::origin`](crate::SgHullInput::origin), with axes of the world. `add_light(lobes,
+/// `position` is relative to [`FrameInput::origin`](crate::FrameInput::origin), with axes of the world. `add_light(lobes,
 /// normal, direction, irradiance)` adds light from one direction, `add_moments(lobes, normal, moments, radiance)` that of a source with
 /// extent. Light that is not finite counts for nothing.
 #[derive(Clone, Debug)]

@@ -19,7 +19,6 @@ pub(crate) mod view;
 
 use std::borrow::Cow;
 
-use glam::DVec3;
 use wgpu::{CommandEncoder, Device, PipelineCache, TextureFormat};
 
 use self::{
@@ -36,12 +35,10 @@ use self::{
     view::SgHullView,
 };
 use crate::{
-    camera::Camera,
     error::Error,
-    gbuffer::GBuffer,
     gpu::{Timestamps, first_pass, screen},
     overrides::check_constants,
-    receivers::ReceiversPass,
+    receivers::Frame,
     texture_slice::TextureSlice,
 };
 
@@ -91,7 +88,6 @@ pub struct SgHull {
     /// The gatherer's.
     source: Cow<'static, str>,
     bound: bool,
-    receivers: ReceiversPass,
     plans: Plans,
     stages: Stages,
     /// Without gloss.
@@ -109,7 +105,7 @@ pub struct SgHullDescriptor<'a> {
     pub target: TextureFormat,
     /// Whether the picture is multiplied by the G-buffer's albedo; it is 1 otherwise.
     pub albedo: bool,
-    /// Whether surfaces are glossy besides: adds what the lobe of [`SgHullInput::roughness`] reflects. Off, nothing is bound
+    /// Whether surfaces are glossy besides: adds what the lobe of [`GBuffer::roughness`] reflects. Off, nothing is bound
     /// or computed for it.
     pub glossy: bool,
     /// How texels become segments.
@@ -121,24 +117,33 @@ pub struct SgHullDescriptor<'a> {
 /// What one recording of the [`SgHull`] works on.
 #[derive(Clone, Copy, Debug)]
 pub struct SgHullInput<'a> {
-    /// The caller's G-buffer.
-    pub gbuffer: GBuffer<'a>,
-    /// Its camera.
-    pub camera: &'a Camera,
-    /// The point of the world that the gatherer's positions are relative to: the camera's [focus](Camera::focus), its eye
-    /// where that is near, or a point near either.
-    pub origin: DVec3,
+    /// The pixels to shade. With [`SgHullDescriptor::glossy`] its G-buffer has roughness, and with
+    /// [`SgHullDescriptor::albedo`] albedo. Its origin is that of what the gatherer bound.
+    pub frame: &'a Frame<'a>,
     /// What the gatherer bound, where it has a layout.
     pub gather: Option<&'a GathererBinding>,
-    /// With [`SgHullDescriptor::glossy`] the G-buffer's roughness, as
-    /// [`BouncedInput::roughness`](crate::BouncedInput::roughness). Not read otherwise.
-    pub roughness: Option<TextureSlice<'a>>,
     /// The caller's texture, of the format that the hull was made for, usage `RENDER_ATTACHMENT`, covering the camera's
     /// viewport. Only the viewport is written: reflected radiance, `albedo / π` times irradiance and what a glossy
     /// surface adds, W/(m² sr), and 1; black for the sky.
     pub target: TextureSlice<'a>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
+}
+
+impl<'a> SgHullInput<'a> {
+    /// With what a gatherer of its own layout bound, and without timestamps.
+    pub fn new(
+        frame: &'a Frame<'a>,
+        gather: Option<&'a GathererBinding>,
+        target: impl Into<TextureSlice<'a>>,
+    ) -> Self {
+        Self {
+            frame,
+            gather,
+            target: target.into(),
+            timestamps: None,
+        }
+    }
 }
 
 impl SgHull {
@@ -153,7 +158,6 @@ impl SgHull {
             gatherer,
             target,
             glossy,
-            cache,
             ..
         } = *descriptor;
         check_constants(&gatherer.label, &gatherer.source, &gatherer.constants)?;
@@ -166,7 +170,6 @@ impl SgHull {
             variant: make.variant,
             source: gatherer.source.clone(),
             bound: gatherer.layout.is_some(),
-            receivers: ReceiversPass::new(device, cache)?,
             plans: Plans::new(&make)?,
             stages: Stages::new(&make, &gather)?,
             splitter: splitter.transpose()?,
@@ -186,12 +189,10 @@ impl SgHull {
     /// Records the hull and the picture.
     ///
     /// # Errors
-    /// What [`GBuffer::validate`] and [`SgHullSettings::validate`] find; [`Error::Format`], [`Error::Size`] or
-    /// [`Error::Usage`] for the target; [`Error::Mismatch`] where the view has another size than the camera's viewport,
-    /// where albedo, roughness or what the gatherer binds is missing, and where that is another gatherer's or for another
-    /// origin; [`Error::Recording`] for surfels of a cloud that was recorded since, and for a map that was not recorded;
-    /// [`Error::Setting`] for an origin out of range; [`Error::Format`], [`Error::Size`] or
-    /// [`Error::Usage`] for roughness.
+    /// What [`SgHullSettings::validate`] finds; [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target;
+    /// [`Error::Mismatch`] where the view has another size than the frame, where albedo, roughness or what the gatherer binds is
+    /// missing, and where that is another gatherer's or for another origin; [`Error::Recording`] for surfels of a cloud that was
+    /// recorded since, and for a map that was not recorded.
     pub fn record(
         &self,
         device: &Device,
@@ -200,7 +201,7 @@ impl SgHull {
         settings: &SgHullSettings,
         hull: &SgHullView,
     ) -> Result<(), Error> {
-        let recording = self.prepare(device, encoder, input, settings, hull)?;
+        let recording = self.prepare(device, input, settings, hull)?;
         encoder.clear_buffer(&hull.counts, 0, None);
         // Where no quad can be split there is nothing to do.
         let splitter = self.splitter.as_ref();
@@ -215,7 +216,7 @@ impl SgHull {
             encoder,
             LABEL,
             &input.target,
-            input.camera.viewport(),
+            input.frame.viewport(),
             input.timestamps,
             false,
         );
@@ -237,12 +238,12 @@ impl SgHull {
         settings: &SgHullSettings,
         hull: &SgHullView,
     ) -> Result<(), Error> {
-        let recording = self.prepare(device, encoder, input, settings, hull)?;
+        let recording = self.prepare(device, input, settings, hull)?;
         let mut pass = screen::begin(
             encoder,
             LABEL,
             &input.target,
-            input.camera.viewport(),
+            input.frame.viewport(),
             input.timestamps,
             true,
         );

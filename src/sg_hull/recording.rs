@@ -1,14 +1,13 @@
 //! One recording: what the caller gave, checked, and what stages bind of it.
 
-use wgpu::{BindingResource, Buffer, CommandEncoder, Device, TextureView};
+use wgpu::{BindingResource, Buffer, Device, TextureView};
 
 use super::{
-    LABEL, SgHull, SgHullInput, bindings::Resource, bound::check_origin, modules::HullVariant,
-    params::SgHullParams, settings::SgHullSettings, view::SgHullView,
+    LABEL, SgHull, SgHullInput, bindings::Resource, modules::HullVariant, params::SgHullParams,
+    settings::SgHullSettings, view::SgHullView,
 };
 use crate::{
     error::Error,
-    gbuffer::check_roughness,
     gpu::{
         binding::{view, whole},
         check_timestamps, screen, uniform,
@@ -33,7 +32,7 @@ impl Recording<'_> {
     pub fn resource(&self, resource: Resource) -> Option<BindingResource<'_>> {
         let hull = self.hull;
         let buffer = match resource {
-            Resource::Receivers => return Some(view(&hull.receivers.view)),
+            Resource::Receivers => return Some(view(&self.input.frame.receivers.view)),
             Resource::Albedo => return self.albedo.as_ref().map(view),
             Resource::Roughness => return self.roughness.as_ref().map(view),
             Resource::Params => &self.params,
@@ -54,102 +53,87 @@ impl Recording<'_> {
 }
 
 impl SgHull {
-    /// Checks the input, records its receivers and makes the parameters.
+    /// Checks the input and makes the parameters.
     pub(super) fn prepare<'a>(
         &self,
         device: &'a Device,
-        encoder: &mut CommandEncoder,
         input: &'a SgHullInput<'a>,
         settings: &'a SgHullSettings,
         hull: &'a SgHullView,
     ) -> Result<Recording<'a>, Error> {
-        let roughness = self.check(input, settings, hull)?;
-        self.receivers.record(
-            device,
-            encoder,
-            &input.gbuffer,
-            input.camera,
-            input.origin,
-            &hull.receivers,
-        );
+        self.check(input, settings, hull)?;
+        let frame = input.frame;
         let split_room = if self.splitter.is_some() {
             hull.size.splits
         } else {
             0
         };
-        let params =
-            SgHullParams::new(settings, &hull.size, input.camera, input.origin, split_room);
-        let albedo = input.gbuffer.albedo.filter(|_| self.variant.albedo);
+        let params = SgHullParams::new(
+            settings,
+            &hull.size,
+            &frame.camera,
+            frame.origin,
+            split_room,
+        );
+        let HullVariant { albedo, glossy } = self.variant;
+        let read = |slice: Option<TextureSlice<'_>>, wanted| {
+            slice.filter(|_| wanted).map(|slice| slice.read())
+        };
         Ok(Recording {
             device,
             input,
             settings,
             hull,
             params: uniform(device, LABEL, &params),
-            albedo: albedo.map(|slice| slice.read()),
-            roughness: roughness.map(|slice| slice.read()),
+            albedo: read(frame.gbuffer.albedo, albedo),
+            roughness: read(frame.gbuffer.roughness, glossy),
         })
     }
 
-    /// Checks the input; gives the roughness, where it is read.
-    fn check<'a>(
+    fn check(
         &self,
-        input: &SgHullInput<'a>,
+        input: &SgHullInput<'_>,
         settings: &SgHullSettings,
         hull: &SgHullView,
-    ) -> Result<Option<TextureSlice<'a>>, Error> {
+    ) -> Result<(), Error> {
         const TARGET: &str = "SgHullInput::target";
         settings.validate()?;
         check_timestamps(input.timestamps)?;
-        let viewport = input.camera.viewport();
-        input.gbuffer.validate(viewport)?;
+        let frame = input.frame;
+        let viewport = frame.viewport();
         screen::check_target(TARGET, &input.target, viewport, self.target)?;
-        let mismatch = |name, found: String, needed: String| {
-            Err(Error::Mismatch {
-                name,
-                found,
-                needed,
-            })
-        };
         let HullVariant { albedo, glossy } = self.variant;
-        if albedo && input.gbuffer.albedo.is_none() {
-            return mismatch(
-                "GBuffer",
-                "no albedo".into(),
-                "one, for SgHullDescriptor::albedo".into(),
-            );
+        if albedo {
+            frame.gbuffer.albedo_for("SgHullDescriptor::albedo")?;
         }
-        let roughness = check_roughness(
-            "SgHullInput::roughness",
-            input.roughness,
-            glossy.then_some("SgHullDescriptor::glossy"),
-            viewport,
-        )?;
-        let read = input.roughness.map(|r| ("SgHullInput::roughness", r, 1));
-        check_apart(TARGET, &input.target, input.gbuffer.reads().chain(read))?;
+        if glossy {
+            frame.gbuffer.roughness_for("SgHullDescriptor::glossy")?;
+        }
+        check_apart(TARGET, &input.target, frame.gbuffer.reads())?;
         if self.bound != input.gather.is_some() {
-            return mismatch(
-                "SgHullInput::gather",
-                if self.bound {
+            return Err(Error::Mismatch {
+                name: "SgHullInput::gather",
+                found: if self.bound {
                     "nothing"
                 } else {
                     "a bind group"
                 }
                 .into(),
-                "what the gatherer's layout is for".into(),
-            );
+                needed: "what the gatherer's layout is for".into(),
+            });
         }
-        check_origin("SgHullInput::origin", input.origin)?;
         if let Some(gather) = input.gather {
-            gather.check(&self.source, input.origin)?;
+            gather.check(&self.source, frame.origin)?;
         }
-        if hull.receivers.size != [viewport.width, viewport.height] {
-            return mismatch(
-                "SgHullView",
-                format!("{:?} pixels", hull.receivers.size),
-                format!("{:?} pixels", [viewport.width, viewport.height]),
-            );
+        let size = [viewport.width, viewport.height];
+        let room = [hull.size.width, hull.size.height];
+        if room != size {
+            return Err(Error::Mismatch {
+                name: "SgHullView",
+                found: format!("{room:?} pixels"),
+                needed: format!("{size:?} pixels"),
+            });
         }
-        Ok(roughness)
+        Ok(())
     }
 }

@@ -8,10 +8,11 @@ use wgpu::{
 };
 
 use super::{
-    bound::{GathererBinding, Origin, check_origin},
+    bound::{GathererBinding, Origin},
     gatherer::Gatherer,
 };
 use crate::{
+    camera::check_origin,
     error::Error,
     gpu::binding::{self, READ, UNIFORM, whole},
     shell_splatter::{
@@ -72,7 +73,7 @@ impl Gatherer {
     }
 
     /// What [`Gatherer::surfels`] binds, for positions relative to `origin`
-    /// ([`SgHullInput::origin`](crate::SgHullInput::origin)). Records a copy of how many surfels there are: after the
+    /// ([`FrameInput::origin`](crate::FrameInput::origin)). Records a copy of how many surfels there are: after the
     /// recordings of cloud, clusters and radiance, before that of the hull.
     ///
     /// # Errors

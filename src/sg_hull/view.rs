@@ -1,17 +1,13 @@
 //! The buffers of one view.
 
-use wgpu::{Buffer, BufferUsages, Device, TextureFormat};
+use wgpu::{Buffer, BufferUsages, Device};
 
 use super::{
     LABEL,
     params::{HullSegment, HullVertex, SgHullCounts},
     settings::SgHullSize,
 };
-use crate::{
-    error::Error,
-    gpu::storage,
-    receivers::{Receivers, check_view_size, plane_bytes},
-};
+use crate::{error::Error, gpu::storage, receivers::check_view_size};
 
 /// Bytes of `Split`, `Part` (`wgsl/common/sg_hull_split.wgsl`) and `RejectedQuad` (`wgsl/common/sg_hull.wgsl`).
 pub(crate) const SPLIT_BYTES: u64 = 240;
@@ -22,7 +18,6 @@ pub(crate) const REJECTED_BYTES: u64 = 16;
 #[derive(Debug)]
 pub struct SgHullView {
     pub(super) size: SgHullSize,
-    pub(super) receivers: Receivers,
     pub(super) segment_of: Buffer,
     /// Pixels that are another surface than their texel's middle.
     pub(super) others: Buffer,
@@ -56,7 +51,6 @@ impl SgHullView {
         let pixels = 4 * u64::from(size.width) * u64::from(size.height);
         Ok(Self {
             size,
-            receivers: Receivers::new(device, [size.width, size.height])?,
             segment_of: buffer("deep-screen-space hull pixels", pixels, none)?,
             others: buffer("deep-screen-space hull others", pixels, none)?,
             segments: buffer(
@@ -131,8 +125,7 @@ impl SgHullView {
 
     /// GPU memory that it owns, bytes.
     pub fn memory_bytes(&self) -> u64 {
-        plane_bytes(TextureFormat::Rgba32Uint, self.receivers.size, 1)
-            + self.segment_of.size()
+        self.segment_of.size()
             + self.others.size()
             + self.segments.size()
             + self.vertices.size()

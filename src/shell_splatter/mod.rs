@@ -4,9 +4,8 @@
 pub(crate) mod params;
 pub(crate) mod settings;
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
-use glam::DVec3;
 use wgpu::{
     BindingType, Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, Features,
     PipelineCache, ShaderStages, TextureFormat, TextureView, TextureViewDimension,
@@ -17,17 +16,15 @@ use self::{
     settings::{MIN_EPSILON, SplatSettings},
 };
 use crate::{
-    camera::Camera,
     effect::Effect,
     error::{Error, check_setting},
-    gbuffer::GBuffer,
     geometry::Material,
     gpu::{
         Kernel, Timestamps,
         binding::{self, READ, UINT_2D, UNIFORM, WRITE, whole},
         check_timestamps, compute_pass, dispatch, shader, storage, uniform,
     },
-    receivers::{ListedReceiversPass, Receivers, ReceiversPass, plane, plane_bytes},
+    receivers::{Frame, ListedReceiversPass, Place, Receivers, plane, plane_bytes},
     recorded::{Last, Stamp, never},
     shaders::{Listing, name_of},
     surfel::SurfelCloud,
@@ -55,7 +52,6 @@ pub struct ShellSplatter {
     build_clusters: ComputePipeline,
     build_groups: ComputePipeline,
     splat: ComputePipeline,
-    receivers: ReceiversPass,
     listed_receivers: ListedReceiversPass,
 }
 
@@ -111,10 +107,12 @@ impl SurfelClusters {
 /// Bytes of an indirect dispatch.
 const DISPATCH_BYTES: u64 = 12;
 
-/// The textures of one view: its receivers and its sums per level.
+/// One view's sums per level.
 #[derive(Debug)]
 pub struct SplatView {
-    pub(crate) receivers: Receivers,
+    size: [u32; 2],
+    /// Those of listed pixels, made by the first recording with a list.
+    listed: OnceLock<Receivers>,
     pub(crate) sums: TextureView,
     format: TextureFormat,
     levels: u32,
@@ -126,9 +124,8 @@ pub struct SplatView {
 #[derive(Clone, Debug)]
 pub(crate) struct Splatted {
     pub effect: Arc<Effect>,
-    pub camera: Camera,
-    /// The cloud's.
-    pub origin: DVec3,
+    /// The frame's.
+    pub place: Place,
     pub levels: u32,
     /// Of a work list.
     pub sub_image: Option<u32>,
@@ -139,7 +136,7 @@ pub(crate) struct Splatted {
 impl SplatView {
     /// Width and height in pixels: that of the cameras' viewports, or of a sub-image of them.
     pub fn size(&self) -> [u32; 2] {
-        self.receivers.size
+        self.size
     }
 
     /// How many levels it has room for.
@@ -153,12 +150,6 @@ impl SplatView {
         &self.sums
     }
 
-    /// The receivers: `Rgba32Uint`, in xyz the bits of the position in the cloud's space, in w the octahedral
-    /// normal as two snorm16, or `0x8000_8000` for the sky (usages `TEXTURE_BINDING | COPY_SRC`).
-    pub fn receivers(&self) -> &TextureView {
-        &self.receivers.view
-    }
-
     /// What the last recording counted, where the splatter was made to: four `u32` a level, namely pairs evaluated,
     /// those within their shell, those of them that contributed, and an unused one (usage `COPY_SRC`).
     pub fn statistics(&self) -> Option<&Buffer> {
@@ -169,9 +160,24 @@ impl SplatView {
         self.format
     }
 
+    /// Those that were splatted to: the frame's, or of its sub-image those that were listed.
+    pub(crate) fn receivers<'r>(&'r self, splatted: &Splatted, frame: &Frame<'r>) -> &'r Receivers {
+        let listed = self.listed.get().filter(|_| splatted.sub_image.is_some());
+        listed.unwrap_or(frame.receivers)
+    }
+
+    /// Room for listed ones.
+    fn listed(&self, device: &Device) -> Result<&Receivers, Error> {
+        if let Some(listed) = self.listed.get() {
+            return Ok(listed);
+        }
+        let receivers = Receivers::new(device, self.size)?;
+        Ok(self.listed.get_or_init(|| receivers))
+    }
+
     /// GPU memory that it owns, bytes.
     pub fn memory_bytes(&self) -> u64 {
-        plane_bytes(TextureFormat::Rgba32Uint, self.size(), 1)
+        self.listed.get().map_or(0, Receivers::memory_bytes)
             + plane_bytes(self.format, self.size(), self.levels)
             + self.statistics.as_ref().map_or(0, Buffer::size)
     }
@@ -191,10 +197,9 @@ pub struct ClusterInput<'a> {
 /// What one recording of the [`ShellSplatter`] works on.
 #[derive(Clone, Copy, Debug)]
 pub struct SplatInput<'a> {
-    /// The caller's G-buffer.
-    pub gbuffer: GBuffer<'a>,
-    /// The camera that the G-buffer was drawn with; it may be another than the cloud's (stereo, split screen).
-    pub camera: &'a Camera,
+    /// The pixels that surfels are splatted to, relative to the cloud's origin; its camera may be another than the cloud's
+    /// (stereo, split screen).
+    pub frame: &'a Frame<'a>,
     /// The surfels.
     pub cloud: &'a SurfelCloud,
     /// Their clusters, recorded for the same effect and settings.
@@ -207,6 +212,31 @@ pub struct SplatInput<'a> {
     pub work: Option<PixelList<'a>>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
+}
+
+impl<'a> ClusterInput<'a> {
+    /// Without materials and timestamps.
+    pub fn new(cloud: &'a SurfelCloud) -> Self {
+        Self {
+            cloud,
+            materials: None,
+            timestamps: None,
+        }
+    }
+}
+
+impl<'a> SplatInput<'a> {
+    /// To all pixels, without materials and timestamps.
+    pub fn new(frame: &'a Frame<'a>, cloud: &'a SurfelCloud, clusters: &'a SurfelClusters) -> Self {
+        Self {
+            frame,
+            cloud,
+            clusters,
+            materials: None,
+            work: None,
+            timestamps: None,
+        }
+    }
 }
 
 impl ShellSplatter {
@@ -290,7 +320,6 @@ impl ShellSplatter {
             build_clusters: kernel(&build_module, "build_clusters", &build_layout),
             build_groups: kernel(&build_module, "build_groups", &build_layout),
             splat: kernel(&splat_module, "splat", &splat_layout),
-            receivers: ReceiversPass::new(device, descriptor.cache)?,
             listed_receivers: ListedReceiversPass::new(device, descriptor.cache)?,
             effect: Arc::new(effect.clone()),
             statistics: descriptor.statistics,
@@ -379,7 +408,8 @@ impl ShellSplatter {
             })
             .transpose()?;
         Ok(SplatView {
-            receivers: Receivers::new(device, size)?,
+            size,
+            listed: OnceLock::new(),
             sums: sums.create_view(&wgpu::TextureViewDescriptor {
                 dimension: Some(TextureViewDimension::D2Array),
                 ..Default::default()
@@ -453,8 +483,8 @@ impl ShellSplatter {
     /// Records the splatting of a cloud into a view's sums.
     ///
     /// # Errors
-    /// What [`GBuffer::validate`], [`SplatSettings::validate`] and [`PixelList::validate`] find; [`Error::Mismatch`] where the
-    /// view has another size than the camera's viewport or the work's sub-image, or fewer levels than the settings, and where the
+    /// What [`SplatSettings::validate`] and [`PixelList::validate`] find; [`Error::Mismatch`] where the frame has another
+    /// origin than the cloud, the view another size than the frame or the work's sub-image, or fewer levels than the settings, and where the
     /// clusters were last recorded with other settings (but for the seed); [`Error::Recording`] where they were not recorded from
     /// this cloud, since that was; [`Error::Buffer`] for a missing material table.
     pub fn record(
@@ -467,9 +497,10 @@ impl ShellSplatter {
     ) -> Result<(), Error> {
         settings.validate()?;
         check_timestamps(input.timestamps)?;
-        let viewport = input.camera.viewport();
-        input.gbuffer.validate(viewport)?;
+        let frame = input.frame;
+        let viewport = frame.viewport();
         input.clusters.check(input.cloud, settings)?;
+        frame.check_origin(input.cloud.origin())?;
         let materials = self.check_materials(device, input.materials)?;
         if let Some(work) = &input.work {
             work.check(device, viewport)?;
@@ -495,35 +526,24 @@ impl ShellSplatter {
                 ),
             });
         }
+        let receivers = match &input.work {
+            Some(work) => {
+                let listed = view.listed(device)?;
+                self.listed_receivers
+                    .record(device, encoder, frame, work, listed);
+                listed
+            }
+            None => frame.receivers,
+        };
         view.recorded.set(Splatted {
             effect: Arc::clone(&self.effect),
-            camera: *input.camera,
-            origin: input.cloud.origin(),
+            place: frame.place(),
             levels: settings.levels,
             sub_image: input.work.as_ref().map(|work| work.level),
             of: input.cloud.last()?,
         });
         if let Some(statistics) = &view.statistics {
             encoder.clear_buffer(statistics, 0, None);
-        }
-        let origin = input.cloud.origin();
-        match &input.work {
-            Some(work) => self.listed_receivers.record(
-                device,
-                encoder,
-                (&input.gbuffer, input.camera),
-                origin,
-                work,
-                &view.receivers,
-            ),
-            None => self.receivers.record(
-                device,
-                encoder,
-                &input.gbuffer,
-                input.camera,
-                origin,
-                &view.receivers,
-            ),
         }
         let mut pass = compute_pass(encoder, &label(&self.effect, "splat"), input.timestamps);
         for level in 0..settings.levels {
@@ -536,7 +556,7 @@ impl ShellSplatter {
                 (2, whole(&input.cloud.sources)),
                 (3, whole(&input.cloud.counters)),
                 (4, whole(&input.clusters.buffer)),
-                (5, binding::view(&view.receivers.view)),
+                (5, binding::view(&receivers.view)),
                 (6, binding::view(&view.sums)),
             ];
             resources.extend(materials.map(|m| (7, binding::table::<Material>(m))));

@@ -3,6 +3,7 @@
 pub(crate) mod params;
 pub(crate) mod settings;
 
+use glam::DVec3;
 use wgpu::{
     Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache, RenderPipeline,
     ShaderStages, TextureFormat, TextureUsages, TextureView, TextureViewDimension,
@@ -13,7 +14,7 @@ use crate::{
     camera::{Camera, Viewport},
     effect::Channels,
     error::{Error, check_setting},
-    gbuffer::{GBuffer, samples_as_float},
+    gbuffer::samples_as_float,
     gpu::{
         Kernel, Timestamps,
         binding::{self, FLOAT_2D, READ, UINT_2D, UNIFORM, WRITE, view, whole},
@@ -21,7 +22,7 @@ use crate::{
         screen::{self, Screen},
         shader, storage, uniform,
     },
-    receivers::{Receivers, ReceiversPass, plane, plane_bytes},
+    receivers::{Frame, Receivers, plane, plane_bytes},
     shaders::Listing,
     texture_slice::{TextureSlice, check_apart, check_slice},
 };
@@ -55,39 +56,34 @@ const LABEL: &str = "deep-screen-space temporal accumulator";
 pub struct TemporalAccumulator {
     channels: Channels,
     target: TextureFormat,
-    receivers: ReceiversPass,
     /// Without and with motion vectors.
     accumulate: [(wgpu::BindGroupLayout, ComputePipeline); 2],
     claim: (wgpu::BindGroupLayout, ComputePipeline),
     show: (wgpu::BindGroupLayout, RenderPipeline),
 }
 
-/// What one view's frames left: two textures a frame, for the last frame and the one being recorded.
+/// What one view's frames left: the last frame's receivers, and means of the last frame and of the one being recorded.
 ///
 /// A view of another size needs a new one. Recordings swap it, so they have to be submitted in their order, and all of
 /// them.
 #[derive(Debug)]
 pub struct TemporalHistory {
     channels: Channels,
-    frames: [Frame; 2],
+    /// The last frame's.
+    receivers: Receivers,
+    /// What its positions are relative to, from its camera's focus; nothing before the first recording.
+    origin: Option<DVec3>,
+    means: [TextureView; 2],
     /// Which pixels moved away from where, made by the first recording with motion vectors.
     claims: Option<Buffer>,
-    /// The one that was recorded last.
+    /// The means that were recorded last.
     last: usize,
-    /// Whether any was.
-    recorded: bool,
-}
-
-#[derive(Debug)]
-struct Frame {
-    receivers: Receivers,
-    means: TextureView,
 }
 
 impl TemporalHistory {
     /// Width and height in pixels: that of the cameras' viewports.
     pub fn size(&self) -> [u32; 2] {
-        self.frames[0].receivers.size
+        self.receivers.size
     }
 
     /// The means as the last recording leaves them, and the number of frames in each, 0 where there is no history:
@@ -95,13 +91,13 @@ impl TemporalHistory {
     /// texel a pixel of the viewport (usages `TEXTURE_BINDING | COPY_SRC`). A filter that follows can smooth what is
     /// young more.
     pub fn means(&self) -> &TextureView {
-        &self.frames[self.last].means
+        &self.means[self.last]
     }
 
-    /// GPU memory that it owns, bytes: 48 a pixel with one channel, 64 with three, and 4 once there were motion vectors.
+    /// GPU memory that it owns, bytes: 32 per pixel with one channel, 48 with three, and 4 once there were motion vectors.
     pub fn memory_bytes(&self) -> u64 {
-        2 * (plane_bytes(TextureFormat::Rgba32Uint, self.size(), 1)
-            + plane_bytes(means_format(self.channels), self.size(), 1))
+        self.receivers.memory_bytes()
+            + 2 * plane_bytes(means_format(self.channels), self.size(), 1)
             + self.claims.as_ref().map_or(0, Buffer::size)
     }
 
@@ -146,10 +142,8 @@ impl<'a> MotionVectors<'a> {
 /// What one recording of the [`TemporalAccumulator`] works on.
 #[derive(Clone, Copy, Debug)]
 pub struct TemporalInput<'a> {
-    /// This frame's G-buffer.
-    pub gbuffer: GBuffer<'a>,
-    /// Its camera.
-    pub camera: &'a Camera,
+    /// This frame.
+    pub frame: &'a Frame<'a>,
     /// The camera of the history's last recording, with a viewport of the same size; in the first frame, any. A caller
     /// that moved its world's origin gives it in the new world.
     pub previous_camera: &'a Camera,
@@ -167,6 +161,26 @@ pub struct TemporalInput<'a> {
     pub reset: bool,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
+}
+
+impl<'a> TemporalInput<'a> {
+    /// Without motion vectors, reset and timestamps.
+    pub fn new(
+        frame: &'a Frame<'a>,
+        previous_camera: &'a Camera,
+        picture: impl Into<TextureSlice<'a>>,
+        target: impl Into<TextureSlice<'a>>,
+    ) -> Self {
+        Self {
+            frame,
+            previous_camera,
+            motion: None,
+            picture: picture.into(),
+            target: target.into(),
+            reset: false,
+            timestamps: None,
+        }
+    }
 }
 
 impl TemporalAccumulator {
@@ -240,7 +254,6 @@ impl TemporalAccumulator {
         Ok(Self {
             channels,
             target,
-            receivers: ReceiversPass::new(device, cache)?,
             accumulate: [accumulate(false)?, accumulate(true)?],
             claim,
             show: (layout, show),
@@ -259,26 +272,24 @@ impl TemporalAccumulator {
     ) -> Result<TemporalHistory, Error> {
         let size = [width, height];
         let format = means_format(self.channels);
-        let frame = || -> Result<Frame, Error> {
+        let means = || -> Result<TextureView, Error> {
             let means = plane(device, "deep-screen-space temporal means", format, size, 1)?;
-            Ok(Frame {
-                receivers: Receivers::new(device, size)?,
-                means: means.create_view(&wgpu::TextureViewDescriptor::default()),
-            })
+            Ok(means.create_view(&wgpu::TextureViewDescriptor::default()))
         };
         Ok(TemporalHistory {
             channels: self.channels,
-            frames: [frame()?, frame()?],
+            means: [means()?, means()?],
+            receivers: Receivers::copied(device, size)?,
+            origin: None,
             claims: None,
             last: 0,
-            recorded: false,
         })
     }
 
     /// Records a frame into the history and the caller's texture.
     ///
     /// # Errors
-    /// What [`GBuffer::validate`] and [`TemporalSettings::validate`] find; [`Error::Setting`] for the scale of motion
+    /// What [`TemporalSettings::validate`] finds; [`Error::Setting`] for the scale of motion
     /// vectors; [`Error::Format`], [`Error::Shape`], [`Error::Size`] or [`Error::Usage`] for the picture, the motion
     /// vectors or the target; [`Error::Mismatch`] where the history or the previous camera's viewport has another size
     /// than the camera's, the history other channels, or the target another format. The history is left alone then.
@@ -293,41 +304,32 @@ impl TemporalAccumulator {
         settings.validate()?;
         check_timestamps(input.timestamps)?;
         self.check(input, history)?;
-        let camera = input.camera;
-        let viewport = camera.viewport();
+        let frame = input.frame;
+        let viewport = frame.viewport();
         let params = uniform(
             device,
             LABEL,
             &TemporalParams::new(
                 settings,
-                camera,
-                input.previous_camera,
+                frame,
+                (input.previous_camera, history.origin.unwrap_or_default()),
                 input.motion.map_or([1.0, 1.0], |motion| motion.scale),
-                input.reset || !history.recorded,
+                input.reset || history.origin.is_none(),
             ),
         );
         let motion = match input.motion {
             Some(motion) => Some((motion.texture.read(), history.claims(device)?)),
             None => None,
         };
-        let last = &history.frames[history.last];
-        let next = &history.frames[1 - history.last];
-        self.receivers.record(
-            device,
-            encoder,
-            &input.gbuffer,
-            camera,
-            camera.focus(),
-            &next.receivers,
-        );
-
+        let last = &history.means[history.last];
+        let next = &history.means[1 - history.last];
         let picture = input.picture.read();
         let group = |layout, resources: &[_]| binding::group(device, LABEL, layout, resources);
         let claiming = motion.as_ref().map(|(vectors, claims)| {
             encoder.clear_buffer(claims, 0, None);
             let resources = [
                 (0, whole(&params)),
-                (1, view(&next.receivers.view)),
+                (1, view(&frame.receivers.view)),
                 (5, view(vectors)),
                 (7, whole(claims)),
             ];
@@ -336,11 +338,11 @@ impl TemporalAccumulator {
         let (layout, pipeline) = &self.accumulate[usize::from(motion.is_some())];
         let mut resources = vec![
             (0, whole(&params)),
-            (1, view(&next.receivers.view)),
-            (2, view(&last.receivers.view)),
-            (3, view(&last.means)),
+            (1, view(&frame.receivers.view)),
+            (2, view(&history.receivers.view)),
+            (3, view(last)),
             (4, view(&picture)),
-            (6, view(&next.means)),
+            (6, view(next)),
         ];
         if let Some((vectors, claims)) = &motion {
             resources.extend([(5, view(vectors)), (7, whole(claims))]);
@@ -356,7 +358,7 @@ impl TemporalAccumulator {
         drop(pass);
 
         let (layout, pipeline) = &self.show;
-        let resources = [(0, whole(&params)), (3, view(&next.means))];
+        let resources = [(0, whole(&params)), (3, view(next))];
         let group = group(layout, &resources);
         screen::draw(
             encoder,
@@ -367,16 +369,16 @@ impl TemporalAccumulator {
             input.timestamps,
             false,
         );
+        frame.receivers.copy_to(encoder, &history.receivers);
         history.last = 1 - history.last;
-        history.recorded = true;
+        history.origin = Some(frame.origin - frame.camera.focus());
         Ok(())
     }
 
     fn check(&self, input: &TemporalInput<'_>, history: &TemporalHistory) -> Result<(), Error> {
         const TARGET: &str = "TemporalInput::target";
-        let viewport = input.camera.viewport();
+        let viewport = input.frame.viewport();
         let size = [viewport.width, viewport.height];
-        input.gbuffer.validate(viewport)?;
         let (components, accepted) = match self.channels {
             Channels::One => (1, "a float, snorm or unorm format"),
             Channels::Three => (
@@ -411,7 +413,7 @@ impl TemporalAccumulator {
         screen::check_target(TARGET, &input.target, viewport, self.target)?;
         let motion = input.motion.as_ref();
         let motion = motion.map(|motion| ("MotionVectors::texture", motion.texture, 1));
-        let reads = input.gbuffer.reads().chain(motion);
+        let reads = input.frame.gbuffer.reads().chain(motion);
         check_apart(TARGET, &input.target, reads)?;
         let previous = input.previous_camera.viewport();
         if [previous.width, previous.height] != size {

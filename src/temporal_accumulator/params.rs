@@ -4,7 +4,10 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DMat4, DVec3};
 
 use super::settings::TemporalSettings;
-use crate::camera::{Camera, CameraParams};
+use crate::{
+    camera::{Camera, CameraParams},
+    receivers::Frame,
+};
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -19,25 +22,28 @@ pub struct TemporalParams {
     pub(crate) clip_deviations: f32,
     pub(crate) still: u32,
     pub(crate) forget: u32,
-    pub(crate) previous_focus: [f32; 3],
+    pub(crate) previous_origin: [f32; 3],
     pub(crate) padding: u32,
 }
 
 impl TemporalParams {
-    /// `motion_scale` takes a motion vector to a share of the viewport; `forget` drops the history.
+    /// With the previous camera comes the origin of its frame, from its focus. `motion_scale` takes a motion vector to a share of
+    /// the viewport; `forget` drops the history.
     pub fn new(
         settings: &TemporalSettings,
-        camera: &Camera,
-        previous: &Camera,
+        frame: &Frame<'_>,
+        (previous, previous_origin): (&Camera, DVec3),
         motion_scale: [f32; 2],
         forget: bool,
     ) -> Self {
+        let camera = &frame.camera;
+        let previous_origin = previous.focus() + previous_origin;
         let viewport = camera.viewport();
         let size = [f64::from(viewport.width), f64::from(viewport.height)];
         let project = DMat4::from_scale(DVec3::new(0.5 * size[0], -0.5 * size[1], 1.0))
-            * previous.clip_matrix(previous.focus());
+            * previous.clip_matrix(previous_origin);
         Self {
-            previous: previous.params(previous.focus()),
+            previous: previous.params(previous_origin),
             project: project.as_mat4().to_cols_array_2d(),
             viewport: [viewport.x, viewport.y, viewport.width, viewport.height],
             motion_scale: [0, 1].map(|i| (f64::from(motion_scale[i]) * size[i]) as f32),
@@ -52,7 +58,7 @@ impl TemporalParams {
             still: u32::from(camera == previous),
             // A frame alone needs no history.
             forget: u32::from(forget || settings.max_frames == 1),
-            previous_focus: (previous.focus() - camera.focus()).as_vec3().to_array(),
+            previous_origin: (previous_origin - frame.origin).as_vec3().to_array(),
             padding: 0,
         }
     }

@@ -6,9 +6,9 @@ use support::testing::pipelines;
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Camera,
-    CloudCapacity, DiskSettings, Error, Geometry, Merge, Payload, Placement, Primitives, Sampling,
-    Surfel, SurfelCloud, SurfelCounts, SurfelRadiance, SurfelSource, SurfelizerInput,
-    SurfelizerSettings, Viewport,
+    CloudCapacity, DiskSettings, Error, Geometry, HitRadiance, Merge, Payload, Placement,
+    Primitives, Sampling, Surfel, SurfelCloud, SurfelCounts, SurfelRadiance, SurfelSource,
+    SurfelizerInput, SurfelizerSettings, Viewport,
     glam::DVec3,
     reference::{
         bounced_disks::PixelRay,
@@ -23,6 +23,7 @@ use deep_screen_space::{
     wgpu,
 };
 use rayon::prelude::*;
+use support::testing::frames::Decoded;
 use support::testing::shot::{Shot, camera_of};
 use support::{gpu::Gpu, raster::perspective};
 
@@ -110,7 +111,7 @@ fn trace(
     (pass, primitives): Pass,
     settings: &BouncedSettings,
     radiance: Option<&wgpu::Buffer>,
-) -> BouncedView {
+) -> (Decoded<'static>, BouncedView) {
     let device = &gpu.device;
     let Viewport { width, height, .. } = shot.camera.viewport();
     let builder = pipelines::bvh_builder(primitives);
@@ -122,24 +123,20 @@ fn trace(
     builder
         .record(device, &mut encoder, cloud, &bvh, None)
         .expect("a hierarchy");
+    let mut decoded = Decoded::of(&shot.camera);
+    let frame = decoded.frame(&mut encoder, shot.gbuffer(), &shot.camera, cloud.origin());
     let input = BouncedInput {
-        lighting: None,
-        gbuffer: shot.gbuffer(),
-        camera: &shot.camera,
-        cloud,
-        bvh: &bvh,
-        radiance,
-        timestamps: None,
-        roughness: None,
+        radiance: radiance.map_or(HitRadiance::None, HitRadiance::Surfels),
+        ..BouncedInput::new(&frame, cloud, &bvh)
     };
     pass.record(device, &mut encoder, &input, settings, &view)
         .expect("hits");
     gpu.finish(encoder);
-    view
+    (decoded, view)
 }
 
-fn receivers(gpu: &Gpu, view: &BouncedView) -> Vec<Option<Receiver>> {
-    let texels: Vec<[u32; 4]> = gpu.read_texture(view.receivers().texture(), 0);
+fn receivers(gpu: &Gpu, decoded: &Decoded<'_>) -> Vec<Option<Receiver>> {
+    let texels: Vec<[u32; 4]> = gpu.read_texture(decoded.receivers.view().texture(), 0);
     texels
         .iter()
         .map(|&[x, y, z, n]| {
@@ -152,10 +149,14 @@ fn receivers(gpu: &Gpu, view: &BouncedView) -> Vec<Option<Receiver>> {
 }
 
 /// Whether each ray hits: pixel after pixel, the directions of each in order; `None` for the sky.
-fn blocked(gpu: &Gpu, view: &BouncedView, settings: &BouncedSettings) -> Vec<Option<bool>> {
+fn blocked(
+    gpu: &Gpu,
+    (decoded, view): (&Decoded<'_>, &BouncedView),
+    settings: &BouncedSettings,
+) -> Vec<Option<bool>> {
     let words: Vec<u32> = gpu.read_buffer(view.blocked().expect("bits"));
     let each = settings.rays_per_pixel.div_ceil(32) as usize;
-    receivers(gpu, view)
+    receivers(gpu, decoded)
         .iter()
         .zip(words.chunks(each))
         .flat_map(|(receiver, words)| {
@@ -249,7 +250,7 @@ fn compare(gpu: &Gpu, shot: &Shot, cloud: &Cloud, levels: u32, settings: &Bounce
     let inputs = format!("{} disks, {levels} levels, {settings:?}", cloud.disks.len());
     let radiance = radiance_of_indices(gpu, cloud.cloud.capacity().surfels);
     let by_radiance = pass(Payload::Radiance, senders);
-    let colors = trace(
+    let (_, colors) = trace(
         gpu,
         shot,
         &cloud.cloud,
@@ -258,11 +259,11 @@ fn compare(gpu: &Gpu, shot: &Shot, cloud: &Cloud, levels: u32, settings: &Bounce
         Some(&radiance),
     );
     let by_occlusion = pass(Payload::Occlusion, senders);
-    let bits = trace(gpu, shot, &cloud.cloud, by_occlusion, settings, None);
+    let (decoded, bits) = trace(gpu, shot, &cloud.cloud, by_occlusion, settings, None);
 
-    let receivers = receivers(gpu, &colors);
+    let receivers = receivers(gpu, &decoded);
     let all_hits = surfels_hit(gpu, &colors, settings);
-    let all_bits = blocked(gpu, &bits, settings);
+    let all_bits = blocked(gpu, (&decoded, &bits), settings);
     let seen: Vec<_> = all_hits
         .iter()
         .zip(&all_bits)
@@ -434,7 +435,7 @@ fn every_surfel_is_in_one_sub_buffer_a_level() {
         let level = levels - 1;
         let pass = pass(Payload::Radiance, Primitives::Disks { levels });
         let radiance = radiance_of_indices(gpu, cloud.cloud.capacity().surfels);
-        let view = trace(gpu, &shot, &cloud.cloud, pass, &settings, Some(&radiance));
+        let (_, view) = trace(gpu, &shot, &cloud.cloud, pass, &settings, Some(&radiance));
         let mut met = BTreeSet::new();
         for (i, hit) in surfels_hit(gpu, &view, &settings).iter().enumerate() {
             if let Some((surfel, _)) = hit {
@@ -543,11 +544,15 @@ fn the_finest_level_may_hide_the_nearest_hit() {
         let senders = Primitives::Disks { levels };
         let radiance = radiance_of_indices(gpu, cloud.cloud.capacity().surfels);
         let colors = pass(Payload::Radiance, senders);
-        let colors = trace(gpu, &shot, &cloud.cloud, colors, &settings, Some(&radiance));
+        let (_, colors) = trace(gpu, &shot, &cloud.cloud, colors, &settings, Some(&radiance));
         let bits = pass(Payload::Occlusion, senders);
-        let bits = trace(gpu, &shot, &cloud.cloud, bits, &settings, None);
+        let (decoded, bits) = trace(gpu, &shot, &cloud.cloud, bits, &settings, None);
         let hits = surfels_hit(gpu, &colors, &settings);
-        for (i, (hit, bit)) in hits.iter().zip(blocked(gpu, &bits, &settings)).enumerate() {
+        for (i, (hit, bit)) in hits
+            .iter()
+            .zip(blocked(gpu, (&decoded, &bits), &settings))
+            .enumerate()
+        {
             assert_eq!(
                 Some(hit.is_some()),
                 bit,
@@ -593,13 +598,13 @@ fn closed_rooms_leak_through_disks_and_not_through_pieces() {
     let pieces = pass(Payload::Occlusion, Primitives::Triangles);
     for placement in [Placement::Random, Placement::Centroid] {
         let cloud = cloud_of(gpu, &shot, &surfels(2.0, placement)).cloud;
-        let exact = trace(gpu, &shot, &cloud, pieces, &bounced, None);
-        let exact = share(&blocked(gpu, &exact, &bounced), false);
+        let (decoded, exact) = trace(gpu, &shot, &cloud, pieces, &bounced, None);
+        let exact = share(&blocked(gpu, (&decoded, &exact), &bounced), false);
         assert_eq!(exact, 0.0, "{placement:?}");
         for levels in [1, 5] {
             let disks = pass(Payload::Occlusion, Primitives::Disks { levels });
-            let view = trace(gpu, &shot, &cloud, disks, &bounced, None);
-            let leaks = share(&blocked(gpu, &view, &bounced), false);
+            let (decoded, view) = trace(gpu, &shot, &cloud, disks, &bounced, None);
+            let leaks = share(&blocked(gpu, (&decoded, &view), &bounced), false);
             println!(
                 "{placement:?}, {levels} levels: {:.1} % escape",
                 100.0 * leaks
@@ -651,12 +656,12 @@ fn smaller_disks_block_less_that_is_open() {
     for placement in [Placement::Centroid, Placement::Random] {
         let [coarse, fine] = [4.0, 0.7].map(|radius_pixels| {
             let cloud = cloud_of(gpu, &shot, &surfels(radius_pixels, placement));
-            let view = trace(gpu, &shot, &cloud.cloud, pass, &bounced, None);
-            let found: Vec<bool> = blocked(gpu, &view, &bounced)
+            let (decoded, view) = trace(gpu, &shot, &cloud.cloud, pass, &bounced, None);
+            let found: Vec<bool> = blocked(gpu, (&decoded, &view), &bounced)
                 .into_iter()
                 .flatten()
                 .collect();
-            let rays = rays(&receivers(gpu, &view), &shot.camera, &bounced);
+            let rays = rays(&receivers(gpu, &decoded), &shot.camera, &bounced);
             let truth = traced(&shot, &rays, f32::INFINITY);
             let errors = errors(&found, &truth, 16);
             println!(
@@ -737,16 +742,9 @@ fn what_does_not_fit_is_a_typed_error() {
             let bvh = pipelines::bvh_builder(of).create(device, &cloud);
             let bvh = bvh.expect("a hierarchy");
             let mut encoder = gpu.encoder();
-            let input = BouncedInput {
-                lighting: None,
-                gbuffer: shot.gbuffer(),
-                camera: &shot.camera,
-                cloud: &cloud,
-                bvh: &bvh,
-                radiance: None,
-                timestamps: None,
-                roughness: None,
-            };
+            let mut decoded = Decoded::of(&shot.camera);
+            let frame = decoded.frame(&mut encoder, shot.gbuffer(), &shot.camera, cloud.origin());
+            let input = BouncedInput::new(&frame, &cloud, &bvh);
             let settings = settings(1, good);
             let recorded = [
                 pipelines::bvh_builder(primitives).record(device, &mut encoder, &cloud, &bvh, None),
@@ -776,8 +774,8 @@ fn few_surfels_are_no_trouble() {
         for levels in 1..=8 {
             let pass = pass(Payload::Occlusion, Primitives::Disks { levels });
             let bounced = settings(16, DiskSettings::default());
-            let view = trace(gpu, &shot, &cloud.cloud, pass, &bounced, None);
-            let blocked = share(&blocked(gpu, &view, &bounced), true);
+            let (decoded, view) = trace(gpu, &shot, &cloud.cloud, pass, &bounced, None);
+            let blocked = share(&blocked(gpu, (&decoded, &view), &bounced), true);
             assert_eq!(
                 blocked > 0.0,
                 expected,

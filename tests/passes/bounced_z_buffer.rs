@@ -5,8 +5,8 @@ use support::testing::pipelines;
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, Camera, CloudCapacity, Error,
-    Payload, Placement, Primitives, Sampling, SurfelRadiance, SurfelizerSettings, Timestamps,
-    Viewport,
+    HitLighting, HitRadiance, Payload, Placement, Primitives, Sampling, SurfelRadiance,
+    SurfelizerSettings, Timestamps, Viewport,
     glam::{DMat4, DVec2, DVec3, DVec4},
     reference::{
         bounced_z_buffer::{Senders, Tracing},
@@ -18,6 +18,7 @@ use deep_screen_space::{
     scenes::{self, Scene},
     wgpu,
 };
+use support::testing::frames::Decoded;
 use support::testing::rays;
 use support::testing::rays::{AMPLE, differing_bits, lab, moved, scene_of, triangles};
 use support::testing::refusals::fields_refused;
@@ -738,19 +739,13 @@ fn statistics_count() {
     let device = &lab.gpu.device;
     let tracer = pipelines::bounced(&descriptor);
     let view = tracer.create_view(device, 24, 24, 16).expect("a view");
-    let input = BouncedInput {
-        lighting: None,
-        gbuffer: shot.gbuffer(),
-        camera: &shot.camera,
-        cloud: &senders.cloud,
-        bvh: &senders.bounds,
-        radiance: None,
-        timestamps: None,
-        roughness: None,
-    };
     // Twice: each recording counts for itself.
     for _ in 0..2 {
         let mut encoder = lab.gpu.encoder();
+        let mut decoded = Decoded::of(&shot.camera);
+        let origin = senders.cloud.origin();
+        let frame = decoded.frame(&mut encoder, shot.gbuffer(), &shot.camera, origin);
+        let input = BouncedInput::new(&frame, &senders.cloud, &senders.bounds);
         tracer
             .record(device, &mut encoder, &input, &settings(16), &view)
             .expect("hits");
@@ -1124,15 +1119,13 @@ fn what_does_not_fit_is_a_typed_error() {
     let tracer = lab.tracer(Payload::Radiance, Sampling::Cosine);
     let (radiance, _) = lab.motley(&senders);
     let view = lab.view(&shot, Payload::Radiance, Sampling::Cosine, 4);
+    let mut encoder = lab.gpu.encoder();
+    let mut decoded = Decoded::of(&shot.camera);
+    let origin = senders.cloud.origin();
+    let frame = decoded.frame(&mut encoder, shot.gbuffer(), &shot.camera, origin);
     let input = BouncedInput {
-        lighting: None,
-        gbuffer: shot.gbuffer(),
-        camera: &shot.camera,
-        cloud: &senders.cloud,
-        bvh: &senders.bounds,
-        radiance: Some(&radiance),
-        timestamps: None,
-        roughness: None,
+        radiance: HitRadiance::Surfels(&radiance),
+        ..BouncedInput::new(&frame, &senders.cloud, &senders.bounds)
     };
     let record = |input: &BouncedInput<'_>, settings: &BouncedSettings, view: &BouncedView| {
         tracer.record(device, &mut lab.gpu.encoder(), input, settings, view)
@@ -1223,16 +1216,23 @@ fn what_does_not_fit_is_a_typed_error() {
         })
     };
     let needed = capacity * size_of::<SurfelRadiance>() as u64;
-    for radiance in [
-        None,
-        Some(&buffer(needed - 4, wgpu::BufferUsages::STORAGE)),
-        Some(&buffer(needed, wgpu::BufferUsages::VERTEX)),
+    let [short, unbound] = [
+        buffer(needed - 4, wgpu::BufferUsages::STORAGE),
+        buffer(needed, wgpu::BufferUsages::VERTEX),
+    ];
+    let materials = &shot.buffers.materials;
+    let lit = HitLighting {
+        materials,
+        lights: &[],
+    };
+    for (radiance, name) in [
+        (HitRadiance::None, "BouncedInput::radiance"),
+        (HitRadiance::Lit(lit), "BouncedInput::radiance"),
+        (HitRadiance::Surfels(&short), "HitRadiance::Surfels"),
+        (HitRadiance::Surfels(&unbound), "HitRadiance::Surfels"),
     ] {
         let bad = BouncedInput { radiance, ..input };
-        assert_eq!(
-            named(record(&bad, &settings(4), &view)),
-            "BouncedInput::radiance"
-        );
+        assert_eq!(named(record(&bad, &settings(4), &view)), name);
     }
     for placement in [Placement::Grid, Placement::Random] {
         let mut senders = senders_of(&shot, &triangles());
@@ -1259,13 +1259,34 @@ fn what_does_not_fit_is_a_typed_error() {
         );
     }
 
-    // The G-buffer.
+    // The frame: of another size, relative to another point than the cloud, and its G-buffer.
     let narrow = shot_of(&scene, 0, [8, 8]);
+    let mut other = Decoded::of(&narrow.camera);
+    let wrong = other.record(&mut encoder, shot.gbuffer(), &shot.camera, origin);
+    assert_eq!(named(wrong.map(|_| ())), "Receivers");
+    let frame = other.frame(&mut encoder, narrow.gbuffer(), &narrow.camera, origin);
     let bad = BouncedInput {
-        gbuffer: narrow.gbuffer(),
+        frame: &frame,
         ..input
     };
-    assert_eq!(named(record(&bad, &settings(4), &view)), "GBuffer::depth");
+    assert_eq!(named(record(&bad, &settings(4), &view)), "BouncedView");
+    let mut other = Decoded::of(&shot.camera);
+    let aside = origin + DVec3::X;
+    let frame = other.frame(&mut encoder, shot.gbuffer(), &shot.camera, aside);
+    let bad = BouncedInput {
+        frame: &frame,
+        ..input
+    };
+    assert_eq!(
+        named(record(&bad, &settings(4), &view)),
+        "FrameInput::origin"
+    );
+    let wrong = other.record(&mut encoder, narrow.gbuffer(), &shot.camera, origin);
+    assert_eq!(named(wrong.map(|_| ())), "GBuffer::depth");
+    for aside in [f64::NAN, 1e30] {
+        let wrong = other.record(&mut encoder, shot.gbuffer(), &shot.camera, DVec3::X * aside);
+        assert_eq!(named(wrong.map(|_| ())), "FrameInput::origin");
+    }
 
     // A scene is not traced from times that begin where they end.
     if device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {

@@ -439,8 +439,9 @@ fn receivers_are_where_the_camera_says() {
                 normal_encoding: NormalEncoding::Signed,
                 normal_space: NormalSpace::World,
                 albedo: None,
+                roughness: None,
             };
-            let view = passes.splat(gpu, gbuffer, &camera).expect(case.name);
+            let (decoded, _) = passes.splat(gpu, gbuffer, &camera).expect(case.name);
             let decoder = Decoder {
                 camera: &camera,
                 origin,
@@ -448,7 +449,7 @@ fn receivers_are_where_the_camera_says() {
                 normal_encoding: NormalEncoding::Signed,
                 normal_space: NormalSpace::World,
             };
-            let found = receivers(gpu, &view);
+            let found = receivers(gpu, &decoded);
             for (i, (&found, depth)) in (0..).zip(found.iter().zip(&inside)) {
                 let pixel = [i % size[0], i / size[0]];
                 let at = (pixel[1] + case.corner[1]) * width + pixel[0] + case.corner[0];
@@ -626,8 +627,9 @@ fn every_depth_format_is_read() {
                 normal_encoding: NormalEncoding::Signed,
                 normal_space: NormalSpace::View,
                 albedo: None,
+                roughness: None,
             };
-            let view = passes.splat(gpu, gbuffer, &camera).expect("a depth format");
+            let (decoded, _) = passes.splat(gpu, gbuffer, &camera).expect("a depth format");
             let decoder = Decoder {
                 camera: &camera,
                 origin: camera.focus(),
@@ -636,7 +638,7 @@ fn every_depth_format_is_read() {
                 normal_space: NormalSpace::View,
             };
             let mut seen = 0;
-            for (i, &found) in (0..).zip(&receivers(gpu, &view)) {
+            for (i, &found) in (0..).zip(&receivers(gpu, &decoded)) {
                 let pixel = [i % size[0], i / size[0]];
                 let stored = f64::from(all[i as usize]);
                 let background = f64::from(camera.background_depth());
@@ -767,8 +769,9 @@ fn every_normal_encoding_is_read() {
                 normal_encoding: encoding,
                 normal_space: space,
                 albedo: None,
+                roughness: None,
             };
-            let view = passes
+            let (decoded, _) = passes
                 .splat(gpu, gbuffer, &camera)
                 .expect("a normal format");
             let decoder = Decoder {
@@ -778,7 +781,7 @@ fn every_normal_encoding_is_read() {
                 normal_encoding: encoding,
                 normal_space: space,
             };
-            for (i, &found) in (0..).zip(&receivers(gpu, &view)) {
+            for (i, &found) in (0..).zip(&receivers(gpu, &decoded)) {
                 let pixel = [i % size[0], i / size[0]];
                 let inputs = format!("{format:?}, {encoding:?}, {space:?}");
                 let texel = texels[i as usize];
@@ -846,9 +849,10 @@ fn normals_without_a_direction_face_the_eye() {
             normal_encoding: NormalEncoding::Signed,
             normal_space,
             albedo: None,
+            roughness: None,
         };
-        let view = passes.splat(gpu, gbuffer, &camera).expect("a G-buffer");
-        for (i, found) in (0_u32..).zip(receivers(gpu, &view)) {
+        let (decoded, _) = passes.splat(gpu, gbuffer, &camera).expect("a G-buffer");
+        for (i, found) in (0_u32..).zip(receivers(gpu, &decoded)) {
             let texel = DVec3::from(all[i as usize].map(f64::from));
             let found = found.expect("no sky");
             let to_eye = -camera
@@ -912,9 +916,10 @@ fn depths_that_no_camera_gives_are_sky_or_finite() {
             normal_encoding: NormalEncoding::Signed,
             normal_space: NormalSpace::World,
             albedo: None,
+            roughness: None,
         };
-        let view = passes.splat(gpu, gbuffer, &camera).expect("a G-buffer");
-        for (depth, found) in depths.iter().zip(receivers(gpu, &view)) {
+        let (decoded, _) = passes.splat(gpu, gbuffer, &camera).expect("a G-buffer");
+        for (depth, found) in depths.iter().zip(receivers(gpu, &decoded)) {
             let inputs = format!("{}, depth {depth}: {found:?}", case.name);
             if let Some(found) = found {
                 let farthest = found.position.abs().max_element();
@@ -969,6 +974,7 @@ impl Checks {
             normal_encoding: Signed,
             normal_space: NormalSpace::World,
             albedo: None,
+            roughness: None,
         }
     }
 }
@@ -1036,6 +1042,19 @@ fn formats_that_do_not_fit_are_refused() {
             "three components",
         );
     }
+    for format in [Format::R8Snorm, Format::R8Uint, Format::Depth32Float] {
+        let roughness = Checks::plain(checks.gpu, format);
+        let bad = GBuffer {
+            roughness: Some(roughness.texture().into()),
+            ..good
+        };
+        refused(
+            bad.validate(Checks::VIEWPORT),
+            "Format",
+            "GBuffer::roughness",
+            "a float or unorm format",
+        );
+    }
 }
 
 #[test]
@@ -1048,6 +1067,7 @@ fn textures_that_do_not_fit_are_refused() {
         (Format::Depth32Float, "GBuffer::depth"),
         (Format::Rgba16Float, "GBuffer::normal"),
         (Format::Rgba8Unorm, "GBuffer::albedo"),
+        (Format::R8Unorm, "GBuffer::roughness"),
     ] {
         let with = |texture: wgpu::Texture, viewport| {
             let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
@@ -1059,6 +1079,11 @@ fn textures_that_do_not_fit_are_refused() {
                 .validate(viewport),
                 "GBuffer::normal" => GBuffer {
                     normal: view.texture().into(),
+                    ..good
+                }
+                .validate(viewport),
+                "GBuffer::roughness" => GBuffer {
+                    roughness: Some(view.texture().into()),
                     ..good
                 }
                 .validate(viewport),

@@ -5,7 +5,7 @@ use support::testing::pipelines;
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Bvh, Camera,
-    CloudCapacity, Error, GBuffer, Geometry, HitResolverDescriptor, HitResolverInput,
+    CloudCapacity, Error, GBuffer, Geometry, HitRadiance, HitResolverDescriptor, HitResolverInput,
     HitResolverSettings, Payload, Primitives, Sampling, SurfelCloud, SurfelShaderInput,
     SurfelShaderSettings, SurfelizerInput, SurfelizerSettings, Viewport,
     glam::{DMat4, DVec2, DVec3},
@@ -20,6 +20,7 @@ use deep_screen_space::{
     wgpu::{self, BufferUsages, TextureFormat, TextureView},
 };
 use rayon::prelude::*;
+use support::testing::frames::Decoded;
 use support::testing::shot::Shot;
 use support::{gpu::Gpu, raster::perspective};
 
@@ -217,7 +218,10 @@ impl Stage {
         target: &TextureView,
     ) -> Result<BouncedView, Error> {
         let device = &self.gpu.device;
-        let roughness = roughness.map(|view| view.texture().into());
+        let gbuffer = GBuffer {
+            roughness: roughness.map(|view| view.texture().into()),
+            ..gbuffer
+        };
         let payload = usize::from(job.payload == Payload::Radiance);
         let bounced = &self.bounced[payload];
         let reconstructor = pipelines::hit_resolver(&HitResolverDescriptor {
@@ -235,24 +239,14 @@ impl Stage {
             ..BouncedSettings::default()
         };
         let mut encoder = self.gpu.encoder();
+        let mut decoded = Decoded::of(camera);
+        let frame = decoded.record(&mut encoder, gbuffer, camera, self.cloud.origin())?;
         let input = BouncedInput {
-            lighting: None,
-            gbuffer,
-            camera,
-            cloud: &self.cloud,
-            bvh: &self.bounds,
-            radiance: Some(&self.radiance),
-            roughness,
-            timestamps: None,
+            radiance: HitRadiance::Surfels(&self.radiance),
+            ..BouncedInput::new(&frame, &self.cloud, &self.bounds)
         };
         bounced.record(device, &mut encoder, &input, &traced, &view)?;
-        let input = HitResolverInput {
-            gbuffer,
-            roughness,
-            hits: &view,
-            target: target.texture().into(),
-            timestamps: None,
-        };
+        let input = HitResolverInput::new(&frame, &view, target.texture());
         let settings = HitResolverSettings {
             radius: job.radius,
             spread: f32::INFINITY,
@@ -347,14 +341,14 @@ impl Stage {
             let value = self.arriving(payload, pixel, lobe.frame * light);
             let fresnel = match payload {
                 Payload::Occlusion => DVec3::ONE,
-                Payload::Radiance => lobe.schlick(color(F0), facet),
+                Payload::Radiance | Payload::LitRadiance => lobe.schlick(color(F0), facet),
             };
             sum += weight * fresnel * value;
             weights += weight;
         }
         match payload {
             Payload::Occlusion => sum / weights,
-            Payload::Radiance => sum,
+            Payload::Radiance | Payload::LitRadiance => sum,
         }
     }
 
@@ -797,20 +791,20 @@ fn what_does_not_fit_is_a_typed_error() {
     };
     let refused = draw(None);
     assert!(
-        matches!(&refused, Err(Error::Mismatch { name, .. }) if *name == "BouncedInput::roughness"),
+        matches!(&refused, Err(Error::Mismatch { name, .. }) if *name == "GBuffer::roughness"),
         "{refused:?}"
     );
     let small = gpu.texture(TextureFormat::R32Float, 2, 2, &[0.5_f32; 4]);
     let refused = draw(Some(&small));
     assert!(
-        matches!(&refused, Err(Error::Size { name, .. }) if *name == "BouncedInput::roughness"),
+        matches!(&refused, Err(Error::Size { name, .. }) if *name == "GBuffer::roughness"),
         "{refused:?}"
     );
     for format in [TextureFormat::R8Snorm, TextureFormat::R8Uint] {
         let texels = vec![0_u8; (SIDE * SIDE) as usize];
         let refused = draw(Some(&gpu.texture(format, SIDE, SIDE, &texels)));
         assert!(
-            matches!(&refused, Err(Error::Format { name, .. }) if *name == "BouncedInput::roughness"),
+            matches!(&refused, Err(Error::Format { name, .. }) if *name == "GBuffer::roughness"),
             "{refused:?}"
         );
     }

@@ -10,6 +10,7 @@ use deep_screen_space::{
     wgpu,
 };
 use support::raster::perspective;
+use support::testing::frames::Decoded;
 use support::testing::pipelines;
 use support::testing::rays::{AMPLE, Senders, lab, triangles};
 use support::testing::refusals::fields_refused;
@@ -205,9 +206,9 @@ fn reconstruction_is_the_mirrors() {
                     for (i, (found, expected)) in found.iter().zip(&expected).enumerate() {
                         let expected = match (*expected, payload) {
                             (None, Payload::Occlusion) => DVec3::ONE,
-                            (None, Payload::Radiance) => DVec3::ZERO,
+                            (None, _) => DVec3::ZERO,
                             (Some(mean), Payload::Occlusion) => mean,
-                            (Some(mean), Payload::Radiance) => mean * albedo(&scene, &shot, i),
+                            (Some(mean), _) => mean * albedo(&scene, &shot, i),
                         };
                         let off = (color(*found) - expected).abs().max_element() / brightest;
                         assert_eq!(found[3], 1.0);
@@ -799,6 +800,7 @@ fn what_does_not_fit_is_a_typed_error() {
     let named = |result: Result<(), Error>| match result {
         Err(
             Error::Mismatch { name, .. }
+            | Error::Recording { name, .. }
             | Error::Usage { name, .. }
             | Error::Size { name, .. }
             | Error::Format { name, .. }
@@ -830,13 +832,12 @@ fn what_does_not_fit_is_a_typed_error() {
     let hits = lab.trace(&shot, &senders, Some(&dark), &four, Sampling::Cosine);
     let scratch = reconstructor.create_view(device, &hits).expect("a view");
     let target = lab.gpu.target(format, 16, 8);
-    let input = HitResolverInput {
-        gbuffer: shot.lit_gbuffer(),
-        hits: &hits,
-        target: target.texture().into(),
-        timestamps: None,
-        roughness: None,
-    };
+    let camera = &shot.camera;
+    let origin = senders.cloud.origin();
+    let mut encoder = lab.gpu.encoder();
+    let mut decoded = Decoded::of(camera);
+    let frame = decoded.frame(&mut encoder, shot.lit_gbuffer(), camera, origin);
+    let input = HitResolverInput::new(&frame, &hits, target.texture());
     let record = |input: &HitResolverInput<'_>, settings: &HitResolverSettings| {
         reconstructor.record(device, &mut lab.gpu.encoder(), input, settings, &scratch)
     };
@@ -879,11 +880,18 @@ fn what_does_not_fit_is_a_typed_error() {
         };
         assert_eq!(named(record(&bad, &default)), "HitResolverInput::target");
     }
-    for (gbuffer, expected) in [
-        (shot.gbuffer(), "GBuffer::albedo"),
-        (narrow.lit_gbuffer(), "GBuffer::depth"),
+    // Without albedo, of another camera, and relative to another point.
+    for (shot, gbuffer, origin, expected) in [
+        (&shot, shot.gbuffer(), origin, "GBuffer::albedo"),
+        (&narrow, narrow.lit_gbuffer(), origin, "BouncedView"),
+        (&shot, shot.lit_gbuffer(), origin + DVec3::X, "BouncedView"),
     ] {
-        let bad = HitResolverInput { gbuffer, ..input };
+        let mut decoded = Decoded::of(&shot.camera);
+        let frame = decoded.frame(&mut encoder, gbuffer, &shot.camera, origin);
+        let bad = HitResolverInput {
+            frame: &frame,
+            ..input
+        };
         assert_eq!(named(record(&bad, &default)), expected);
     }
     if device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {

@@ -14,6 +14,7 @@ use deep_screen_space::{
     scenes,
     wgpu::{self, BufferUsages, TextureFormat as Format},
 };
+use support::testing::frames::Decoded;
 use support::testing::pipelines;
 use support::testing::shot::{Shot, camera_of};
 use support::{gpu::Gpu, hull::difference};
@@ -153,15 +154,9 @@ impl Lab {
             .create_view(device, SgHullSize::new(64, 64))
             .expect("a view");
         let target = self.gpu.target(Format::Rgba32Float, 64, 64);
-        let input = SgHullInput {
-            gbuffer: self.shot.gbuffer(),
-            camera: &self.shot.camera,
-            origin,
-            gather: Some(&gather),
-            roughness: None,
-            target: target.texture().into(),
-            timestamps: None,
-        };
+        let mut decoded = Decoded::of(&self.shot.camera);
+        let frame = decoded.frame(&mut encoder, self.shot.gbuffer(), &self.shot.camera, origin);
+        let input = SgHullInput::new(&frame, Some(&gather), target.texture());
         if exact {
             self.hull
                 .record_per_pixel(

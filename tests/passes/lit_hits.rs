@@ -1,10 +1,11 @@
-//! Hits that are lit where they are (`Lighting::Hits`): against the mirror, and the picture against the tracer.
+//! Hits that are lit where they are (`Payload::LitRadiance`): against the mirror, and the picture against the tracer.
 
 use std::{f64::consts::PI, sync::LazyLock};
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Camera,
-    CloudCapacity, Error, HitLighting, Light, Lighting, Payload, Primitives, Sampling, Viewport,
+    CloudCapacity, Error, Frame, HitLighting, HitRadiance, Light, Payload, Primitives, Sampling,
+    Viewport,
     glam::DVec3,
     reference::{
         bounced_z_buffer::Tracing, light::arrival, packing::unpack_color, trace::Receiver,
@@ -13,6 +14,7 @@ use deep_screen_space::{
     wgpu,
 };
 use support::raster::perspective;
+use support::testing::frames::Decoded;
 use support::testing::rays;
 use support::testing::rays::{AMPLE, lab, moved, triangles};
 use support::testing::shot::{Shot, camera_of};
@@ -29,8 +31,7 @@ static LIT: LazyLock<BouncedZBuffer> = LazyLock::new(|| {
 
 fn descriptor() -> BouncedDescriptor {
     BouncedDescriptor {
-        payload: Payload::Radiance,
-        lighting: Lighting::Hits,
+        payload: Payload::LitRadiance,
         ..BouncedDescriptor::default()
     }
 }
@@ -96,19 +97,22 @@ impl Case {
         }
     }
 
-    fn input<'a>(&'a self, lights: &'a [Light]) -> BouncedInput<'a> {
+    fn frame<'a>(
+        &'a self,
+        encoder: &mut wgpu::CommandEncoder,
+        decoded: &'a mut Decoded<'_>,
+    ) -> Frame<'a> {
+        let (shot, origin) = (&self.shot, self.senders.cloud.origin());
+        decoded.frame(encoder, shot.gbuffer(), &shot.camera, origin)
+    }
+
+    fn input<'a>(&'a self, frame: &'a Frame<'a>, lights: &'a [Light]) -> BouncedInput<'a> {
         BouncedInput {
-            gbuffer: self.shot.gbuffer(),
-            camera: &self.shot.camera,
-            cloud: &self.senders.cloud,
-            bvh: &self.senders.bounds,
-            radiance: None,
-            lighting: Some(HitLighting {
+            radiance: HitRadiance::Lit(HitLighting {
                 materials: &self.materials,
                 lights,
             }),
-            roughness: None,
-            timestamps: None,
+            ..BouncedInput::new(frame, &self.senders.cloud, &self.senders.bounds)
         }
     }
 
@@ -122,7 +126,10 @@ impl Case {
             .create_view(device, width, height, settings.rays_per_pixel)
             .expect("a view");
         let mut encoder = lab().gpu.encoder();
-        LIT.record(device, &mut encoder, &self.input(lights), settings, &view)
+        let mut decoded = Decoded::of(&self.shot.camera);
+        let frame = self.frame(&mut encoder, &mut decoded);
+        let input = self.input(&frame, lights);
+        LIT.record(device, &mut encoder, &input, settings, &view)
             .expect("hits");
         lab().gpu.finish(encoder);
         view
@@ -446,19 +453,20 @@ fn what_does_not_fit_is_a_typed_error() {
         direction: DVec3::NEG_Y,
         irradiance: [1.0; 3],
     };
-    let good = case.input(&[]);
+    let mut decoded = Decoded::of(&case.shot.camera);
+    let frame = case.frame(&mut lab().gpu.encoder(), &mut decoded);
+    let good = case.input(&frame, &[]);
     assert_eq!(record(&good), Ok(()));
-    let missing = BouncedInput {
-        lighting: None,
-        ..good
-    };
+    for radiance in [HitRadiance::None, HitRadiance::Surfels(&case.materials)] {
+        let missing = BouncedInput { radiance, ..good };
+        assert!(matches!(
+            record(&missing),
+            Err(Error::Mismatch { name, .. }) if name == "BouncedInput::radiance"
+        ));
+    }
+    assert_eq!(record(&case.input(&frame, &[shining; 16])), Ok(()));
     assert!(matches!(
-        record(&missing),
-        Err(Error::Mismatch { name, .. }) if name == "BouncedInput::lighting"
-    ));
-    assert_eq!(record(&case.input(&[shining; 16])), Ok(()));
-    assert!(matches!(
-        record(&case.input(&[shining; 17])),
+        record(&case.input(&frame, &[shining; 17])),
         Err(Error::Setting { field, .. }) if field == "HitLighting::lights"
     ));
     let nowhere = Light::Point {
@@ -466,14 +474,14 @@ fn what_does_not_fit_is_a_typed_error() {
         intensity: [1.0; 3],
     };
     assert!(matches!(
-        record(&case.input(&[nowhere])),
+        record(&case.input(&frame, &[nowhere])),
         Err(Error::Setting { field, .. }) if field == "Light::position"
     ));
     let plain = lab().gpu.buffer(&[0_u32; 16], wgpu::BufferUsages::VERTEX);
     let short = lab().gpu.buffer(&[0_u32; 4], wgpu::BufferUsages::STORAGE);
     for materials in [&plain, &short] {
         let bad = BouncedInput {
-            lighting: Some(HitLighting {
+            radiance: HitRadiance::Lit(HitLighting {
                 materials,
                 lights: &[],
             }),

@@ -7,14 +7,14 @@
 #![allow(clippy::float_cmp)]
 
 use deep_screen_space::{
-    AmbientOcclusion, Camera, Channels, Effect, GBuffer, NormalEncoding, NormalSpace,
-    Reconstructor, ReconstructorInput, ReconstructorSettings, ReconstructorView, SplatView,
-    Viewport,
+    AmbientOcclusion, Camera, Channels, Effect, Frame, GBuffer, Reconstructor, ReconstructorInput,
+    ReconstructorSettings, ReconstructorView, SplatView, Viewport,
     glam::{DVec3, dcamera::rh::proj::directx as right},
     reference::reconstructor::{Reconstruction, Sum},
     wgpu::{self, TextureFormat as Format, TextureUsages},
 };
 use support::gpu::Gpu;
+use support::testing::frames::Decoded;
 use support::testing::passes::{Passes, descriptor, effect, receivers, texture};
 use support::testing::pipelines;
 use support::testing::refusals::refused;
@@ -166,11 +166,8 @@ impl Scene {
 
     fn gbuffer(&self) -> GBuffer<'_> {
         GBuffer {
-            depth: self.depth.texture().into(),
-            normal: self.normal.texture().into(),
-            normal_encoding: NormalEncoding::Signed,
-            normal_space: NormalSpace::World,
             albedo: Some(self.albedo.texture().into()),
+            ..GBuffer::new(self.depth.texture(), self.normal.texture())
         }
     }
 }
@@ -201,12 +198,13 @@ impl Wired {
     fn sum(&mut self, gpu: &Gpu, scene: &Scene, levels: u32) -> Summed<'_> {
         self.passes
             .emit(gpu, &scene.camera, &groups(levels), levels);
-        let view = self
+        let (decoded, view) = self
             .passes
             .splat(gpu, scene.gbuffer(), &scene.camera)
             .expect("sums");
         Summed {
             wired: self,
+            decoded,
             view,
             levels,
         }
@@ -216,6 +214,7 @@ impl Wired {
 /// What the passes summed for a scene.
 struct Summed<'w> {
     wired: &'w Wired,
+    decoded: Decoded<'static>,
     view: SplatView,
     levels: u32,
 }
@@ -241,23 +240,21 @@ impl Summed<'_> {
         Reconstruction {
             camera: &scene.camera,
             origin: self.wired.passes.cloud.origin(),
-            receivers: &receivers(gpu, &self.view),
+            receivers: &receivers(gpu, &self.decoded),
             settings,
         }
         .reconstruct(sums)
     }
 
-    fn input<'a>(
-        &'a self,
+    /// The scene's frame once more.
+    fn frame<'a>(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
         scene: &'a Scene,
-        target: &'a wgpu::TextureView,
-    ) -> ReconstructorInput<'a> {
-        ReconstructorInput {
-            gbuffer: scene.gbuffer(),
-            sums: &self.view,
-            target: target.texture().into(),
-            timestamps: None,
-        }
+        decoded: &'a mut Decoded<'_>,
+    ) -> Frame<'a> {
+        let origin = self.wired.passes.cloud.origin();
+        decoded.frame(encoder, scene.gbuffer(), &scene.camera, origin)
     }
 
     /// The texels of a target of the scene's size, cleared to `clear` before.
@@ -300,14 +297,11 @@ impl Summed<'_> {
             })],
             ..Default::default()
         });
+        let mut decoded = Decoded::of(&scene.camera);
+        let frame = self.frame(&mut encoder, scene, &mut decoded);
+        let input = ReconstructorInput::new(&frame, &self.view, target.texture());
         reconstructor
-            .record(
-                device,
-                &mut encoder,
-                &self.input(scene, &target),
-                settings,
-                &scratch,
-            )
+            .record(device, &mut encoder, &input, settings, &scratch)
             .expect("a reconstruction");
         gpu.finish(encoder);
         gpu.read_texture(target.texture(), 0)
@@ -852,7 +846,9 @@ fn what_does_not_fit_is_refused() {
         reconstructor.record(device, &mut gpu.encoder(), input, settings, scratch)
     };
     let target = gpu.target(Format::R32Float, 8, 6);
-    let good = summed.input(&scene, &target);
+    let mut decoded = Decoded::of(&scene.camera);
+    let frame = summed.frame(&mut gpu.encoder(), &scene, &mut decoded);
+    let good = ReconstructorInput::new(&frame, &summed.view, target.texture());
     record(&good, &standard, &scratch).expect("it fits");
 
     let unset = ReconstructorSettings {
@@ -866,14 +862,29 @@ fn what_does_not_fit_is_refused() {
         "0 to 8",
     );
 
-    let mut input = good;
-    input.gbuffer.albedo = None;
-    refused(
-        record(&input, &standard, &scratch),
-        "Mismatch",
-        "GBuffer",
-        "the effect test",
-    );
+    let black = GBuffer {
+        albedo: None,
+        ..scene.gbuffer()
+    };
+    let origin = summed.wired.passes.cloud.origin();
+    for (gbuffer, origin, kind, thing, needed) in [
+        (black, origin, "Mismatch", "GBuffer", "the effect test"),
+        (
+            scene.gbuffer(),
+            origin + DVec3::X,
+            "Recording",
+            "SplatView",
+            "origin",
+        ),
+    ] {
+        let mut decoded = Decoded::of(&scene.camera);
+        let frame = decoded.frame(&mut gpu.encoder(), gbuffer, &scene.camera, origin);
+        let input = ReconstructorInput {
+            frame: &frame,
+            ..good
+        };
+        refused(record(&input, &standard, &scratch), kind, thing, needed);
+    }
     let splatter = pipelines::shell_splatter(&summed.wired.effect, false);
     for (height, levels) in [(5, 3), (6, 2)] {
         let sums = splatter.create_view(device, 8, height, levels);

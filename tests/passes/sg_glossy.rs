@@ -23,6 +23,7 @@ use deep_screen_space::{
     wgpu::{self, TextureFormat as Format, TextureView},
 };
 use support::gpu::Gpu;
+use support::testing::frames::Decoded;
 use support::testing::shot::{Shot, camera_in, camera_of};
 
 const FORMAT: Format = Format::Rgba32Float;
@@ -109,16 +110,14 @@ impl Job<'_> {
             .bind_lights(device, self.lights, camera.eye())
             .expect("lights");
         let target = gpu.target(FORMAT, x + width, y + height);
-        let input = SgHullInput {
-            gbuffer: self.gbuffer,
-            camera,
-            origin: camera.eye(),
-            gather: Some(&gather),
-            roughness: self.roughness.map(|view| view.texture().into()),
-            target: target.texture().into(),
-            timestamps: None,
-        };
         let mut encoder = gpu.encoder();
+        let gbuffer = GBuffer {
+            roughness: self.roughness.map(|view| view.texture().into()),
+            ..self.gbuffer
+        };
+        let mut decoded = Decoded::of(camera);
+        let frame = decoded.frame(&mut encoder, gbuffer, camera, camera.eye());
+        let input = SgHullInput::new(&frame, Some(&gather), target.texture());
         if exact {
             hull.record_per_pixel(device, &mut encoder, &input, &self.settings, &view)
         } else {
@@ -707,21 +706,19 @@ fn what_does_not_fit_is_refused() {
         let view = hull
             .create_view(device, size_of_view(&shot))
             .expect("a view");
-        let input = SgHullInput {
-            gbuffer: shot.lit_gbuffer(),
-            camera: &shot.camera,
-            origin: shot.camera.eye(),
-            gather: Some(&gather),
-            roughness,
-            target: target.texture().into(),
-            timestamps: None,
-        };
         let encoder = &mut gpu.encoder();
+        let gbuffer = GBuffer {
+            roughness,
+            ..shot.lit_gbuffer()
+        };
+        let mut decoded = Decoded::of(&shot.camera);
+        let frame = decoded.record(encoder, gbuffer, &shot.camera, shot.camera.eye())?;
+        let input = SgHullInput::new(&frame, Some(&gather), target.texture());
         hull.record_per_pixel(device, encoder, &input, settings, &view)?;
         hull.record(device, encoder, &input, settings, &view)
     };
     record(true, Some(good.texture().into()), &settings).expect("it fits");
-    let name = "SgHullInput::roughness";
+    let name = "GBuffer::roughness";
     refused(record(true, None, &settings), "Mismatch", name);
     let by = "SgHullDescriptor::glossy";
     refused(record(true, None, &settings), "Mismatch", by);

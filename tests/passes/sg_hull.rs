@@ -8,7 +8,7 @@ use std::{
 use support::testing::pipelines;
 
 use deep_screen_space::{
-    Camera, Components, Error, Gatherer, GathererBinding, HullSegment, HullVertex, Light,
+    Camera, Components, Error, GBuffer, Gatherer, GathererBinding, HullSegment, HullVertex, Light,
     PolygonLight, SgHull, SgHullCounts, SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize,
     SgHullView, Viewport,
     glam::{DMat4, DVec3, DVec4},
@@ -21,6 +21,7 @@ use deep_screen_space::{
     spherical_gaussian::DLightMoments,
     wgpu::{self, BufferUsages, TextureFormat as Format},
 };
+use support::testing::frames::Decoded;
 use support::testing::shot::{Shot, camera_of};
 use support::{
     gpu::Gpu,
@@ -102,15 +103,10 @@ fn record(
     let target = gpu.target(FORMAT, width, height);
     let mut encoder = gpu.encoder();
     clear(&mut encoder, &target);
-    let input = SgHullInput {
-        gbuffer: shot.gbuffer(),
-        camera: &shot.camera,
-        origin: shot.camera.eye(),
-        gather: Some(gather),
-        roughness: None,
-        target: target.texture().into(),
-        timestamps: None,
-    };
+    let camera = &shot.camera;
+    let mut decoded = Decoded::of(camera);
+    let frame = decoded.frame(&mut encoder, shot.gbuffer(), camera, camera.eye());
+    let input = SgHullInput::new(&frame, Some(gather), target.texture());
     hull.record(device, &mut encoder, &input, settings, &view)
         .expect("it fits");
     gpu.finish(encoder);
@@ -791,7 +787,8 @@ impl Stage {
     }
 
     fn renderer(&self, size: SgHullSize) -> (HullRenderer, GathererBinding) {
-        let renderer = HullRenderer::new(self.gpu, size, Components::default()).expect("it fits");
+        let mut renderer =
+            HullRenderer::new(self.gpu, size, Components::default()).expect("it fits");
         let lights = renderer
             .lights(self.gpu, &self.buffers, &self.lamp, self.camera.eye())
             .expect("lights");
@@ -800,14 +797,14 @@ impl Stage {
 
     fn picture(
         &self,
-        renderer: &HullRenderer,
+        renderer: &mut HullRenderer,
         lights: &GathererBinding,
     ) -> (Picture, SgHullCounts) {
         let rendered = renderer.render(self.gpu, &self.raster, &self.camera, lights);
         (rendered.expect("a picture").1, renderer.counts(self.gpu))
     }
 
-    fn truth(&self, renderer: &HullRenderer, lights: &GathererBinding) -> Picture {
+    fn truth(&self, renderer: &mut HullRenderer, lights: &GathererBinding) -> Picture {
         let rendered = renderer.render_per_pixel(self.gpu, &self.raster, &self.camera, lights);
         rendered.expect("a picture").1
     }
@@ -818,9 +815,9 @@ impl Stage {
 #[test]
 fn picture_is_close_to_the_truth() {
     let stage = Stage::new("cornell", [256, 256]);
-    let (renderer, lights) = stage.renderer(SgHullSize::new(256, 256));
-    let (found, counts) = stage.picture(&renderer, &lights);
-    let truth = stage.truth(&renderer, &lights);
+    let (mut renderer, lights) = stage.renderer(SgHullSize::new(256, 256));
+    let (found, counts) = stage.picture(&mut renderer, &lights);
+    let truth = stage.truth(&mut renderer, &lights);
     let off = difference(&found, &truth, 256);
     println!("{off:?}, {counts:?}");
     assert!(
@@ -839,11 +836,11 @@ fn error_threshold_converges() {
         let stage = Stage::new(name, [128, 96]);
         let size = SgHullSize::new(128, 96);
         let (mut renderer, lights) = stage.renderer(size);
-        let truth = stage.truth(&renderer, &lights);
+        let truth = stage.truth(&mut renderer, &lights);
         let mut before = (f64::INFINITY, 0);
         for error_threshold in [f32::INFINITY, 0.5, 0.1, 0.0] {
             renderer.settings.error_threshold = error_threshold;
-            let (found, counts) = stage.picture(&renderer, &lights);
+            let (found, counts) = stage.picture(&mut renderer, &lights);
             let off = difference(&found, &truth, 128);
             println!(
                 "{name}, {error_threshold}: {off:?}, {} pixels",
@@ -864,7 +861,7 @@ fn error_threshold_converges() {
         };
         let (mut few, lights) = stage.renderer(size);
         few.settings.error_threshold = 0.0;
-        let (found, counts) = stage.picture(&few, &lights);
+        let (found, counts) = stage.picture(&mut few, &lights);
         assert_eq!(
             counts.per_pixel_overflow(&size),
             before.1 - 50,
@@ -886,9 +883,9 @@ fn splits_without_room_are_pixels() {
             splits,
             ..SgHullSize::new(256, 256)
         };
-        let (renderer, lights) = stage.renderer(size);
-        let (found, counts) = stage.picture(&renderer, &lights);
-        let off = difference(&found, &stage.truth(&renderer, &lights), 256).rmse;
+        let (mut renderer, lights) = stage.renderer(size);
+        let (found, counts) = stage.picture(&mut renderer, &lights);
+        let off = difference(&found, &stage.truth(&mut renderer, &lights), 256).rmse;
         println!("room for {splits}: {off}, {counts:?}");
         (counts, counts.split_overflow(&size), off)
     });
@@ -946,27 +943,16 @@ fn polygons_have_their_form_factor() {
         .create_view(&gpu.device, SgHullSize::new(32, 32))
         .expect("a view");
     let target = gpu.target(FORMAT, 32, 32);
-    let input = SgHullInput {
-        gbuffer: deep_screen_space::GBuffer {
-            depth: depth.texture().into(),
-            normal: normal.texture().into(),
-            normal_encoding: deep_screen_space::NormalEncoding::Signed,
-            normal_space: deep_screen_space::NormalSpace::World,
-            albedo: None,
-        },
-        camera: &camera,
-        origin: camera.eye(),
-        gather: Some(&gather),
-        roughness: None,
-        target: target.texture().into(),
-        timestamps: None,
-    };
+    let gbuffer = GBuffer::new(depth.texture(), normal.texture());
+    let mut decoded = Decoded::of(&camera);
     // Four quarters: F = 2 / π · a/√(1+a²) · atan(a/√(1+a²)) each of side a = 1 at height 1, over four of them.
     let s = 1.0 / 2.0_f64.sqrt();
     let expected = 4.0 * s * s.atan() / std::f64::consts::PI;
     let settings = SgHullSettings::default();
     for exact in [false, true] {
         let mut encoder = gpu.encoder();
+        let frame = decoded.frame(&mut encoder, gbuffer, &camera, camera.eye());
+        let input = SgHullInput::new(&frame, Some(&gather), target.texture());
         if exact {
             hull.record_per_pixel(&gpu.device, &mut encoder, &input, &settings, &view)
         } else {
@@ -1052,15 +1038,11 @@ fn what_does_not_fit_is_refused() {
     let gather = gatherer
         .bind_lights(device, &[], shot.camera.eye())
         .expect("lights");
-    let good = SgHullInput {
-        gbuffer: shot.gbuffer(),
-        camera: &shot.camera,
-        origin: shot.camera.eye(),
-        gather: Some(&gather),
-        roughness: None,
-        target: target.texture().into(),
-        timestamps: None,
-    };
+    let mut encoder = gpu.encoder();
+    let mut decoded = Decoded::of(&shot.camera);
+    let eye = shot.camera.eye();
+    let frame = decoded.frame(&mut encoder, shot.gbuffer(), &shot.camera, eye);
+    let good = SgHullInput::new(&frame, Some(&gather), target.texture());
     let settings = SgHullSettings::default();
     let record =
         |input: &SgHullInput<'_>| hull.record(device, &mut gpu.encoder(), input, &settings, &view);
@@ -1076,8 +1058,10 @@ fn what_does_not_fit_is_refused() {
     };
     refused(record(&input), "Mismatch", "Rgba16Float");
     let camera = camera_of(&scene, 0, [15, 16]);
+    let mut narrow = Decoded::of(&camera);
+    let frame = narrow.frame(&mut encoder, shot.gbuffer(), &camera, eye);
     let input = SgHullInput {
-        camera: &camera,
+        frame: &frame,
         ..good
     };
     refused(record(&input), "Mismatch", "SgHullView");

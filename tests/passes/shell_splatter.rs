@@ -16,12 +16,14 @@ use deep_screen_space::{
     scenes::{self, Part, Scene},
     wgpu,
 };
+use support::testing::frames::Decoded;
 use support::testing::pipelines;
 use support::testing::shot::{Shot, camera_of};
 use support::{gpu::Gpu, raster::perspective, scene::SceneBuffers};
 
 /// What a run leaves.
 struct Run {
+    decoded: Decoded<'static>,
     view: SplatView,
     counts: SurfelCounts,
     surfels: Vec<Surfel>,
@@ -119,18 +121,15 @@ fn run(gpu: &Gpu, shot: &Shot, passes: &Passes, options: &Options) -> Run {
             &mut clusters,
         )
         .expect("clusters");
+    let mut decoded = Decoded::of(&shot.camera);
+    let frame = decoded.frame(&mut encoder, shot.gbuffer(), &shot.camera, cloud.origin());
     splatter
         .record(
             device,
             &mut encoder,
             &SplatInput {
-                gbuffer: shot.gbuffer(),
-                camera: &shot.camera,
-                cloud: &cloud,
-                clusters: &clusters,
                 materials: materials.as_ref(),
-                work: None,
-                timestamps: None,
+                ..SplatInput::new(&frame, &cloud, &clusters)
             },
             &options.splat,
             &view,
@@ -140,6 +139,7 @@ fn run(gpu: &Gpu, shot: &Shot, passes: &Passes, options: &Options) -> Run {
     let counts: SurfelCounts = gpu.read_buffer(cloud.counters())[0];
     let stored = counts.stored as usize;
     Run {
+        decoded,
         view,
         counts,
         surfels: gpu.read_buffer(cloud.surfels())[..stored].to_vec(),
@@ -166,7 +166,7 @@ impl Run {
     }
 
     fn receivers(&self, gpu: &Gpu) -> Vec<Option<Receiver>> {
-        let texels: Vec<[u32; 4]> = gpu.read_texture(self.view.receivers().texture(), 0);
+        let texels: Vec<[u32; 4]> = gpu.read_texture(self.decoded.receivers.view().texture(), 0);
         texels
             .iter()
             .map(|&[x, y, z, n]| {
@@ -977,29 +977,19 @@ fn two_views_share_a_cloud() {
         .record_clusters(
             device,
             &mut encoder,
-            &ClusterInput {
-                cloud: &cloud,
-                materials: None,
-                timestamps: None,
-            },
+            &ClusterInput::new(&cloud),
             &settings,
             &mut clusters,
         )
         .expect("clusters");
-    for (shot, view) in shots.iter().zip(&views) {
+    let mut decoded = [0, 1].map(|i| Decoded::of(&shots[i].camera));
+    for ((shot, view), decoded) in shots.iter().zip(&views).zip(&mut decoded) {
+        let frame = decoded.frame(&mut encoder, shot.gbuffer(), &shot.camera, cloud.origin());
         splatter
             .record(
                 device,
                 &mut encoder,
-                &SplatInput {
-                    gbuffer: shot.gbuffer(),
-                    camera: &shot.camera,
-                    cloud: &cloud,
-                    clusters: &clusters,
-                    materials: None,
-                    work: None,
-                    timestamps: None,
-                },
+                &SplatInput::new(&frame, &cloud, &clusters),
                 &settings,
                 view,
             )
@@ -1009,8 +999,10 @@ fn two_views_share_a_cloud() {
     let counts: SurfelCounts = gpu.read_buffer(cloud.counters())[0];
     let stored = counts.stored as usize;
     let [first, second] = views;
-    for (view, name) in [(first, "left"), (second, "right")] {
+    let [one, other] = decoded;
+    for (decoded, view, name) in [(one, first, "left"), (other, second, "right")] {
         let run = Run {
+            decoded,
             view,
             counts,
             surfels: gpu.read_buffer(cloud.surfels())[..stored].to_vec(),
@@ -1122,11 +1114,7 @@ fn bad_settings_are_typed_errors() {
     surfelizer
         .record(device, &mut encoder, &input, &settings, &mut cloud)
         .expect("surfels");
-    let input = ClusterInput {
-        cloud: &cloud,
-        materials: None,
-        timestamps: None,
-    };
+    let input = ClusterInput::new(&cloud);
     splatter
         .record_clusters(
             device,
@@ -1140,15 +1128,9 @@ fn bad_settings_are_typed_errors() {
         let view = splat
             .create_view(device, size[0], size[1], 2)
             .expect("a view");
-        let input = SplatInput {
-            gbuffer: shot.gbuffer(),
-            camera: &shot.camera,
-            cloud: &cloud,
-            clusters: &clusters,
-            materials: None,
-            work: None,
-            timestamps: None,
-        };
+        let mut decoded = Decoded::of(&shot.camera);
+        let frame = decoded.frame(&mut encoder, shot.gbuffer(), &shot.camera, cloud.origin());
+        let input = SplatInput::new(&frame, &cloud, &clusters);
         splat
             .record(
                 device,

@@ -9,6 +9,7 @@ use deep_screen_space::{
     SurfelizerInput, SurfelizerSettings, Viewport, scenes,
     wgpu::{self, TextureFormat as Format, TextureView},
 };
+use support::testing::frames::Decoded;
 use support::testing::multi_res;
 use support::testing::multi_res::{Frame, check_work};
 use support::testing::pipelines;
@@ -98,14 +99,11 @@ impl<'a> Splats<'a> {
         let sums = self.splatter.create_view(device, width, height, levels)?;
         let scratch = self.reconstructor.create_view(device, &sums)?;
         let gbuffer = self.shot.lit_gbuffer();
+        let mut decoded = Decoded::of(self.camera());
+        let frame = decoded.record(encoder, gbuffer, self.camera(), self.cloud.origin())?;
         let input = SplatInput {
-            gbuffer,
-            camera: self.camera(),
-            cloud: &self.cloud,
-            clusters: &self.clusters,
-            materials: None,
             work,
-            timestamps: None,
+            ..SplatInput::new(&frame, &self.cloud, &self.clusters)
         };
         self.splatter
             .record(device, encoder, &input, &self.settings, &sums)?;
@@ -115,12 +113,7 @@ impl<'a> Splats<'a> {
         let whole = (work.is_none() && [right, bottom] != self.size())
             .then(|| self.gpu.target(Format::R32Float, right, bottom));
         let written = whole.as_ref().map_or(target, |whole| whole.texture());
-        let input = ReconstructorInput {
-            gbuffer,
-            sums: &sums,
-            target: written.into(),
-            timestamps: None,
-        };
+        let input = ReconstructorInput::new(&frame, &sums, written);
         let settings = ReconstructorSettings::default();
         self.reconstructor
             .record(device, encoder, &input, &settings, &scratch)?;

@@ -16,6 +16,7 @@ use deep_screen_space::{
     wgpu::{self, TextureFormat as Format, TextureUsages},
 };
 use support::gpu::Gpu;
+use support::testing::frames::Decoded;
 use support::testing::passes::{descriptor, texture};
 use support::testing::pipelines;
 use support::testing::refusals::refused;
@@ -165,13 +166,7 @@ impl Shot {
     }
 
     fn gbuffer(&self) -> GBuffer<'_> {
-        GBuffer {
-            depth: self.depth.texture().into(),
-            normal: self.normal.texture().into(),
-            normal_encoding: NormalEncoding::Signed,
-            normal_space: NormalSpace::World,
-            albedo: None,
-        }
+        GBuffer::new(self.depth.texture(), self.normal.texture())
     }
 
     /// A picture by pixel index and hit.
@@ -256,6 +251,7 @@ struct Rig<'g> {
     previous: Option<Camera>,
     mirror: Option<History>,
     settings: TemporalSettings,
+    frames: u32,
 }
 
 /// What a frame of the caller is made of, but for the G-buffer.
@@ -286,6 +282,7 @@ impl<'g> Rig<'g> {
             previous: None,
             mirror: None,
             settings,
+            frames: 0,
         }
     }
 
@@ -322,17 +319,21 @@ impl<'g> Rig<'g> {
         let target = gpu.target(format, width, height);
         let mut encoder = gpu.encoder();
         clear(&mut encoder, &target);
+        let mut decoded = Decoded::of(&shot.camera);
+        // Whatever positions are relative to, histories are the same.
+        self.frames += 1;
+        let origin = match self.frames % 3 {
+            0 => shot.camera.focus(),
+            1 => shot.camera.eye(),
+            _ => shot.camera.eye() + DVec3::new(0.25, -0.5, 1.0),
+        };
+        let decoded = decoded.frame(&mut encoder, shot.gbuffer(), &shot.camera, origin);
         let input = TemporalInput {
-            gbuffer: shot.gbuffer(),
-            camera: &shot.camera,
-            previous_camera: &previous,
             motion: motion_view
                 .as_ref()
                 .map(|view| MotionVectors::uv(view.texture())),
-            picture: picture.texture().into(),
-            target: target.texture().into(),
             reset: frame.reset,
-            timestamps: None,
+            ..TemporalInput::new(&decoded, &previous, picture.texture(), target.texture())
         };
         self.accumulator
             .record(
@@ -1440,20 +1441,21 @@ fn vectors_in_other_units_are_scaled() {
         let view = gpu.texture(Format::Rg32Float, 24, 16, &vec![vector; 24 * 16]);
         let nothing = gpu.texture(Format::R32Float, 24, 16, &vec![f32::NAN; 24 * 16]);
         let target = gpu.target(Format::R32Float, 24, 16);
+        let mut encoder = gpu.encoder();
+        let mut decoded = Decoded::of(&shot.camera);
+        let frame = decoded.frame(
+            &mut encoder,
+            shot.gbuffer(),
+            &shot.camera,
+            shot.camera.focus(),
+        );
         let input = TemporalInput {
-            gbuffer: shot.gbuffer(),
-            camera: &shot.camera,
-            previous_camera: &shot.camera,
             motion: Some(MotionVectors {
                 texture: view.texture().into(),
                 scale,
             }),
-            picture: nothing.texture().into(),
-            target: target.texture().into(),
-            reset: false,
-            timestamps: None,
+            ..TemporalInput::new(&frame, &shot.camera, nothing.texture(), target.texture())
         };
-        let mut encoder = gpu.encoder();
         rig.accumulator
             .record(
                 &gpu.device,
@@ -1533,16 +1535,14 @@ fn the_picture_may_be_the_target() {
     // Nines in both frames, so a mean of nine; and with no frame lost in an encoder of two.
     clear(&mut encoder, &target);
     for _ in 0..2 {
-        let input = TemporalInput {
-            gbuffer: shot.gbuffer(),
-            camera: &shot.camera,
-            previous_camera: &shot.camera,
-            motion: None,
-            picture: target.texture().into(),
-            target: target.texture().into(),
-            reset: false,
-            timestamps: None,
-        };
+        let mut decoded = Decoded::of(&shot.camera);
+        let frame = decoded.frame(
+            &mut encoder,
+            shot.gbuffer(),
+            &shot.camera,
+            shot.camera.focus(),
+        );
+        let input = TemporalInput::new(&frame, &shot.camera, target.texture(), target.texture());
         rig.accumulator
             .record(
                 &gpu.device,
@@ -1722,16 +1722,10 @@ fn what_does_not_fit_is_refused() {
     let plain = |format, size, usage| view(&texture(gpu, format, size, usage));
     let picture = plain(Format::Rgba16Float, size, binding);
     let target = plain(Format::R8Unorm, size, attachment);
-    let good = TemporalInput {
-        gbuffer: shot.gbuffer(),
-        camera: &shot.camera,
-        previous_camera: &shot.camera,
-        motion: None,
-        picture: picture.texture().into(),
-        target: target.texture().into(),
-        reset: false,
-        timestamps: None,
-    };
+    let mut decoded = Decoded::of(&shot.camera);
+    let mut encoder = gpu.encoder();
+    let frame = decoded.frame(&mut encoder, shot.gbuffer(), &shot.camera, EYE);
+    let good = TemporalInput::new(&frame, &shot.camera, picture.texture(), target.texture());
     let history = |accumulator: &TemporalAccumulator, [width, height]: [u32; 2]| {
         accumulator
             .create_history(device, width, height)
@@ -1741,7 +1735,7 @@ fn what_does_not_fit_is_refused() {
     let mut threes = history(&three, size);
     assert_eq!(
         [ones.memory_bytes(), threes.memory_bytes()],
-        [48 * 48, 48 * 64]
+        [48 * 32, 48 * 48]
     );
     let mut record = |input: &TemporalInput<'_>| {
         let settings = TemporalSettings::default();
@@ -1868,9 +1862,11 @@ fn what_does_not_fit_is_refused() {
         "previous_camera",
         "[8, 6]",
     );
+    let mut decoded = Decoded::of(&small);
+    let frame = decoded.frame(&mut gpu.encoder(), shot.gbuffer(), &small, small.focus());
     refused(
         record(&TemporalInput {
-            camera: &small,
+            frame: &frame,
             previous_camera: &small,
             ..good
         }),
@@ -1878,9 +1874,6 @@ fn what_does_not_fit_is_refused() {
         "TemporalHistory",
         "[7, 6]",
     );
-    let mut input = good;
-    input.gbuffer.depth = picture.texture().into();
-    refused(record(&input), "Format", "GBuffer::depth", "a depth format");
     let standard = TemporalSettings::default();
     let zero = TemporalSettings {
         max_frames: 0,

@@ -2,20 +2,21 @@
 
 use deep_screen_space::{
     AmbientOcclusion, BouncedDescriptor, BouncedInput, BouncedSettings, Camera, Channels,
-    CloudCapacity, ClusterInput, Components, Error, Gatherer, Geometry, HitResolverDescriptor,
-    HitResolverInput, HitResolverSettings, Light, MultiResMaskInput, MultiResMaskSettings,
-    MultiResReconstructor, MultiResReconstructorInput, MultiResReconstructorSettings,
-    ObscuranceInput, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume, Payload, Primitives,
-    ReconstructorInput, ReconstructorSettings, ReflectiveShadowMap, ReflectiveShadowMapInput,
-    Sampling, ScreenSpaceGiInput, ScreenSpaceGiSettings, SgHull, SgHullDescriptor, SgHullInput,
-    SgHullSettings, SgHullSize, ShadowMap, SoftShadowsInput, SoftShadowsSettings, SplatInput,
-    SplatSettings, SurfelShaderInput, SurfelShaderSettings, SurfelizerInput, SurfelizerSettings,
-    TemporalAccumulator, TemporalInput, TemporalSettings, Timestamps, Viewport,
-    VolumetricObscurance, VolumetricObscuranceDescriptor,
+    CloudCapacity, ClusterInput, Components, Error, FrameInput, Gatherer, Geometry,
+    HitResolverDescriptor, HitResolverInput, HitResolverSettings, Light, MultiResMaskInput,
+    MultiResMaskSettings, MultiResReconstructor, MultiResReconstructorInput,
+    MultiResReconstructorSettings, ObscuranceInput, ObscuranceSampling, ObscuranceSettings,
+    ObscuranceVolume, Payload, Primitives, ReconstructorInput, ReconstructorSettings,
+    ReflectiveShadowMap, ReflectiveShadowMapInput, Sampling, ScreenSpaceGiInput,
+    ScreenSpaceGiSettings, SgHull, SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize,
+    ShadowMap, SoftShadowsInput, SoftShadowsSettings, SplatInput, SplatSettings, SurfelShaderInput,
+    SurfelShaderSettings, SurfelizerInput, SurfelizerSettings, TemporalAccumulator, TemporalInput,
+    TemporalSettings, Timestamps, Viewport, VolumetricObscurance, VolumetricObscuranceDescriptor,
     glam::{DVec3, dcamera::rh::proj::directx},
     scenes, wgpu,
 };
 use support::gpu::{Ask, Gpu};
+use support::testing::frames::Decoded;
 use support::testing::pipelines;
 use support::testing::shot::{Shot, camera_of};
 
@@ -74,7 +75,7 @@ impl Times {
 fn recordings_from_surfels_write_their_times() {
     let gpu = pipelines::gpu();
     let device = &gpu.device;
-    let Some(times) = Times::of(gpu, 9) else {
+    let Some(times) = Times::of(gpu, 10) else {
         return;
     };
     let scene = scenes::cornell();
@@ -154,23 +155,25 @@ fn recordings_from_surfels_write_their_times() {
     splatter
         .record_clusters(device, &mut encoder, &input, &settings, &mut clusters)
         .expect("clusters");
+    let input = FrameInput {
+        origin: cloud.origin(),
+        timestamps: Some(times.stamps(9)),
+        ..FrameInput::new(shot.gbuffer(), &shot.camera)
+    };
+    let mut decoded = Decoded::of(&shot.camera);
+    let frame = pipelines::decoder()
+        .record(device, &mut encoder, &input, &mut decoded.receivers)
+        .expect("a frame");
     let input = SplatInput {
-        gbuffer: shot.gbuffer(),
-        camera: &shot.camera,
-        cloud: &cloud,
-        clusters: &clusters,
-        materials: None,
-        work: None,
         timestamps: Some(times.stamps(2)),
+        ..SplatInput::new(&frame, &cloud, &clusters)
     };
     splatter
         .record(device, &mut encoder, &input, &settings, &sums)
         .expect("sums");
     let input = ReconstructorInput {
-        gbuffer: shot.gbuffer(),
-        sums: &sums,
-        target: target.texture().into(),
         timestamps: Some(times.stamps(3)),
+        ..ReconstructorInput::new(&frame, &sums, target.texture())
     };
     reconstructor
         .record(
@@ -186,15 +189,10 @@ fn recordings_from_surfels_write_their_times() {
     let mut history = accumulator
         .create_history(device, 16, 16)
         .expect("a history");
+    let picture = target.texture();
     let input = TemporalInput {
-        gbuffer: shot.gbuffer(),
-        camera: &shot.camera,
-        previous_camera: &shot.camera,
-        motion: None,
-        picture: target.texture().into(),
-        target: target.texture().into(),
-        reset: false,
         timestamps: Some(times.stamps(5)),
+        ..TemporalInput::new(&frame, &shot.camera, picture, picture)
     };
     let settings = TemporalSettings::default();
     accumulator
@@ -209,14 +207,8 @@ fn recordings_from_surfels_write_their_times() {
         .record(device, &mut encoder, &cloud, &bounds, Some(times.stamps(6)))
         .expect("bounds");
     let input = BouncedInput {
-        lighting: None,
-        gbuffer: shot.gbuffer(),
-        camera: &shot.camera,
-        cloud: &cloud,
-        bvh: &bounds,
-        radiance: None,
         timestamps: Some(times.stamps(7)),
-        roughness: None,
+        ..BouncedInput::new(&frame, &cloud, &bounds)
     };
     let traced = BouncedSettings::default();
     tracer
@@ -231,11 +223,8 @@ fn recordings_from_surfels_write_their_times() {
     let reconstructor = pipelines::hit_resolver(&descriptor);
     let scratch = reconstructor.create_view(device, &hits).expect("a view");
     let input = HitResolverInput {
-        gbuffer: shot.gbuffer(),
-        hits: &hits,
-        target: target.texture().into(),
         timestamps: Some(times.stamps(8)),
-        roughness: None,
+        ..HitResolverInput::new(&frame, &hits, target.texture())
     };
     let settings = HitResolverSettings::default();
     reconstructor
@@ -378,12 +367,11 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
 
     let map = ReflectiveShadowMap::new(device, None).expect("pipelines");
     let lights = map.create_view(device, 32, 32).expect("a view");
+    let mut decoded = Decoded::of(&camera);
+    let frame = decoded.frame(&mut encoder, gbuffer, &camera, camera.eye());
     let input = ReflectiveShadowMapInput {
-        gbuffer,
-        camera: &camera,
-        light,
-        origin: camera.eye(),
         timestamps: Some(times.stamps(6)),
+        ..ReflectiveShadowMapInput::new(&frame, light)
     };
     map.record(device, &mut encoder, &input, &lights)
         .expect("lights");
@@ -408,13 +396,8 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
         .bind_polygons(device, lights.lights())
         .expect("lights");
     let input = SgHullInput {
-        gbuffer,
-        camera: &camera,
-        origin: camera.eye(),
-        gather: Some(&gather),
-        roughness: None,
-        target: target.texture().into(),
         timestamps: Some(times.stamps(7)),
+        ..SgHullInput::new(&frame, Some(&gather), target.texture())
     };
     hull.record(
         device,

@@ -2,7 +2,7 @@
 
 use deep_screen_space::{
     BouncedSettings, Camera, CloudCapacity, HitResolverDescriptor, HitResolverSettings, Light,
-    Lighting, Payload, Sampling, SurfelizerSettings, TemporalSettings, Viewport,
+    Payload, Sampling, SurfelizerSettings, TemporalSettings, Viewport,
     glam::DVec3,
     scenes,
     wgpu::{TextureFormat, TextureView},
@@ -71,7 +71,7 @@ impl Stage {
                 deferred: false,
                 target: TextureFormat::Rgba32Float,
             };
-            Gatherer::new(gpu, (descriptor, Lighting::Surfels), [SIDE; 2], 64, false).expect("room")
+            Gatherer::new(gpu, descriptor, [SIDE; 2], 64, false).expect("room")
         });
         let triangles = buffers.triangles();
         let capacity = CloudCapacity {
@@ -112,14 +112,14 @@ impl Stage {
 
     /// Each pixel's own hits alone.
     fn render(
-        &self,
+        &mut self,
         kind: usize,
         raster: &Raster,
         camera: &Camera,
         rays_per_pixel: u32,
         frame: u32,
     ) -> &Gatherer {
-        let gatherer = &self.gatherers[kind];
+        let gatherer = &mut self.gatherers[kind];
         let traced = BouncedSettings {
             rays_per_pixel,
             frame,
@@ -144,15 +144,16 @@ impl Stage {
     }
 
     /// The mean of many directions from where the camera stands in the end.
-    fn truth(&self, kind: usize) -> Vec<f32> {
+    fn truth(&mut self, kind: usize) -> Vec<f32> {
         const MANY: u32 = 4;
         let camera = camera(0.0);
         let raster = gbuffer(self.gpu, &camera);
         let mut mean = vec![0.0; 4 * (SIDE * SIDE) as usize];
         for frame in 0..MANY {
             // None of the frames to accumulate.
+            let gpu = self.gpu;
             let gatherer = self.render(kind, &raster, &camera, 64, 1000 + frame);
-            let picture = gatherer.pixels(self.gpu);
+            let picture = gatherer.pixels(gpu);
             for (sum, value) in mean.iter_mut().zip(picture.as_flattened()) {
                 *sum += value / MANY as f32;
             }
@@ -162,7 +163,7 @@ impl Stage {
 
     /// How far the last frame of few directions is off, and all of them accumulated while the camera moves by `step`
     /// metres a frame.
-    fn errors(&self, kind: usize, truth: &[f32], step: f64) -> [f64; 2] {
+    fn errors(&mut self, kind: usize, truth: &[f32], step: f64) -> [f64; 2] {
         let settings = TemporalSettings {
             max_frames: u32::MAX,
             ..TemporalSettings::default()
@@ -173,9 +174,10 @@ impl Stage {
             let left = f64::from(FRAMES - 1 - frame);
             let camera = camera(step * left);
             let raster = gbuffer(self.gpu, &camera);
+            let gpu = self.gpu;
             let gatherer = self.render(kind, &raster, &camera, FEW, frame);
             mean = frames
-                .add(self.gpu, &raster, &camera, &gatherer.target)
+                .add(gpu, &raster, &camera, &gatherer.target)
                 .expect("a mean");
         }
         let last = self.gatherers[kind].pixels(self.gpu);
@@ -186,7 +188,7 @@ impl Stage {
 /// Of a camera that stands, and of one that moves by about half a pixel a frame.
 #[test]
 fn frames_come_near_the_truth_together() {
-    let stage = Stage::new();
+    let mut stage = Stage::new();
     for (kind, name, moving) in [(0, "diffuse", 0.5), (1, "glossy", 0.75)] {
         let truth = stage.truth(kind);
         // Independent frames would leave a quarter; these are stratified together. Measured at 0.15 and 0.16, and moving at

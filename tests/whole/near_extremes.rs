@@ -13,6 +13,7 @@ use deep_screen_space::{
     wgpu::{self, TextureFormat as Format},
 };
 use support::gpu::Gpu;
+use support::testing::frames::Decoded;
 use support::testing::multi_res::{Frame, framed, random, read_image, read_mask, record};
 use support::testing::pipelines;
 
@@ -148,15 +149,9 @@ impl Passes {
             .hull
             .create_view(device, SgHullSize::new(width, height))
             .expect("a view");
-        let input = SgHullInput {
-            gbuffer,
-            camera,
-            origin: camera.eye(),
-            gather: Some(&lights),
-            roughness: None,
-            target: gathered.texture().into(),
-            timestamps: None,
-        };
+        let mut decoded = Decoded::of(camera);
+        let decoded = decoded.frame(&mut encoder, gbuffer, camera, camera.eye());
+        let input = SgHullInput::new(&decoded, Some(&lights), gathered.texture());
         self.hull
             .record(
                 device,

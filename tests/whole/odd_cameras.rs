@@ -17,6 +17,7 @@ use deep_screen_space::{
     scenes,
     wgpu::TextureFormat as Format,
 };
+use support::testing::frames::Decoded;
 use support::testing::multi_res;
 use support::testing::multi_res::Frame;
 use support::testing::rays::{AMPLE, lab, triangles};
@@ -218,15 +219,9 @@ fn pictures([shot, before, lamp]: &[Shot; 3]) -> Vec<(&'static str, Vec<f32>)> {
         .hull
         .create_view(device, SgHullSize::new(width, height))
         .expect("a view");
-    let input = SgHullInput {
-        gbuffer: shot.gbuffer(),
-        camera,
-        origin: camera.focus(),
-        gather: Some(&lights),
-        roughness: None,
-        target: gathered.texture().into(),
-        timestamps: None,
-    };
+    let mut decoded = Decoded::of(camera);
+    let frame = decoded.frame(&mut encoder, shot.gbuffer(), camera, camera.focus());
+    let input = SgHullInput::new(&frame, Some(&lights), gathered.texture());
     let settings = SgHullSettings::default();
     all.hull
         .record(device, &mut encoder, &input, &settings, &view)
@@ -253,16 +248,11 @@ fn pictures([shot, before, lamp]: &[Shot; 3]) -> Vec<(&'static str, Vec<f32>)> {
     let target = gpu.target(Format::R32Float, width, height);
     for (shot, previous, picture) in [(before, before, &black), (shot, before, &white)] {
         let mut encoder = gpu.encoder();
-        let input = TemporalInput {
-            gbuffer: shot.gbuffer(),
-            camera: &shot.camera,
-            previous_camera: &previous.camera,
-            motion: None,
-            picture: picture.texture().into(),
-            target: target.texture().into(),
-            reset: false,
-            timestamps: None,
-        };
+        let camera = &shot.camera;
+        let mut decoded = Decoded::of(camera);
+        let frame = decoded.frame(&mut encoder, shot.gbuffer(), camera, camera.focus());
+        let target = target.texture();
+        let input = TemporalInput::new(&frame, &previous.camera, picture.texture(), target);
         let settings = TemporalSettings {
             clamping: 0.0,
             ..TemporalSettings::default()

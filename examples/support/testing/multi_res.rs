@@ -137,13 +137,7 @@ impl Frame {
     }
 
     pub fn gbuffer(&self) -> GBuffer<'_> {
-        GBuffer {
-            depth: self.depth_view.texture().into(),
-            normal: self.normal_view.texture().into(),
-            normal_encoding: NormalEncoding::Signed,
-            normal_space: NormalSpace::World,
-            albedo: None,
-        }
+        GBuffer::new(self.depth_view.texture(), self.normal_view.texture())
     }
 
     pub fn decoder(&self) -> Decoder<'_> {

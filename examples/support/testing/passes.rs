@@ -1,6 +1,6 @@
 //! The passes wired for tests that make their own G-buffer.
 
-use crate::testing::pipelines;
+use crate::testing::{frames::Decoded, pipelines};
 use deep_screen_space::{
     Camera, Channels, CloudCapacity, ClusterInput, Effect, Error, GBuffer, Geometry, Mesh,
     PositionFormat, ShellSplatter, SplatInput, SplatSettings, SplatView, SurfelCloud,
@@ -114,11 +114,7 @@ impl Passes {
             .record_clusters(
                 device,
                 &mut encoder,
-                &ClusterInput {
-                    cloud: &self.cloud,
-                    materials: None,
-                    timestamps: None,
-                },
+                &ClusterInput::new(&self.cloud),
                 &settings,
                 &mut clusters,
             )
@@ -134,30 +130,25 @@ impl Passes {
         gpu: &Gpu,
         gbuffer: GBuffer<'_>,
         camera: &Camera,
-    ) -> Result<SplatView, Error> {
+    ) -> Result<(Decoded<'static>, SplatView), Error> {
         let viewport = camera.viewport();
         let device = &gpu.device;
         let view =
             self.splatter
                 .create_view(device, viewport.width, viewport.height, self.levels)?;
         let mut encoder = gpu.encoder();
+        let mut decoded = Decoded::of(camera);
+        let frame = decoded.record(&mut encoder, gbuffer, camera, self.cloud.origin())?;
+        let clusters = self.clusters.as_ref().expect("emit comes first");
         self.splatter.record(
             device,
             &mut encoder,
-            &SplatInput {
-                gbuffer,
-                camera,
-                cloud: &self.cloud,
-                clusters: self.clusters.as_ref().expect("emit comes first"),
-                materials: None,
-                work: None,
-                timestamps: None,
-            },
+            &SplatInput::new(&frame, &self.cloud, clusters),
             &splat_settings(self.levels),
             &view,
         )?;
         gpu.finish(encoder);
-        Ok(view)
+        Ok((decoded, view))
     }
 }
 
@@ -168,9 +159,9 @@ fn splat_settings(levels: u32) -> SplatSettings {
     }
 }
 
-/// The receivers that a view holds; `None` for the sky.
-pub fn receivers(gpu: &Gpu, view: &SplatView) -> Vec<Option<Receiver>> {
-    let texels: Vec<[u32; 4]> = gpu.read_texture(view.receivers().texture(), 0);
+/// The receivers that were decoded; `None` for the sky.
+pub fn receivers(gpu: &Gpu, decoded: &Decoded<'_>) -> Vec<Option<Receiver>> {
+    let texels: Vec<[u32; 4]> = gpu.read_texture(decoded.receivers.view().texture(), 0);
     texels
         .iter()
         .map(|&[x, y, z, n]| {

@@ -10,9 +10,9 @@ use std::{
 };
 
 use deep_screen_space::{
-    BouncedDescriptor, BouncedZBuffer, BvhBuilder, Effect, HitResolver, HitResolverDescriptor,
-    MultiResMask, Primitives, Reconstructor, ScreenSpaceGi, ShellSplatter, ShellSplatterDescriptor,
-    SoftShadows, SurfelShader, Surfelizer, wgpu::TextureFormat,
+    BouncedDescriptor, BouncedZBuffer, BvhBuilder, Effect, GBufferDecoder, HitResolver,
+    HitResolverDescriptor, MultiResMask, Primitives, Reconstructor, ScreenSpaceGi, ShellSplatter,
+    ShellSplatterDescriptor, SoftShadows, SurfelShader, Surfelizer, wgpu::TextureFormat,
 };
 
 use crate::gpu::{Ask, Gpu};
@@ -38,6 +38,12 @@ pub fn once<T: Any + Send + Sync>(key: &dyn Debug, make: impl FnOnce(&Gpu) -> T)
         .clone();
     let made = slot.get_or_init(|| Box::leak(Box::new(make(gpu()))));
     made.downcast_ref().expect("the type is in the key")
+}
+
+pub fn decoder() -> &'static GBufferDecoder {
+    once(&(), |gpu| {
+        GBufferDecoder::new(&gpu.device, None).expect("pipelines")
+    })
 }
 
 pub fn surfelizer() -> &'static Surfelizer {

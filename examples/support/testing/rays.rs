@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Bvh, Camera,
-    CloudCapacity, Geometry, HitResolver, HitResolverDescriptor, HitResolverInput,
+    CloudCapacity, Geometry, HitRadiance, HitResolver, HitResolverDescriptor, HitResolverInput,
     HitResolverSettings, Light, Mesh, Payload, Piece, Primitives, Sampling, SurfelCloud,
     SurfelCounts, SurfelRadiance, Surfelizer, SurfelizerInput, SurfelizerSettings, Viewport,
     glam::DVec3,
@@ -17,7 +17,7 @@ use deep_screen_space::{
     wgpu,
 };
 
-use crate::{gpu::Gpu, testing::shot::Shot};
+use crate::{gpu::Gpu, testing::frames::Decoded, testing::shot::Shot};
 
 /// The device and the pipelines, made once for all tests.
 pub struct Lab {
@@ -155,21 +155,19 @@ impl Lab {
         sampling: Sampling,
         view: &BouncedView,
     ) {
+        let camera = &shot.camera;
         let payload = if radiance.is_some() {
             Payload::Radiance
         } else {
             Payload::Occlusion
         };
         let mut encoder = self.gpu.encoder();
+        let mut decoded = Decoded::of(camera);
+        let origin = senders.cloud.origin();
+        let frame = decoded.frame(&mut encoder, shot.gbuffer(), camera, origin);
         let input = BouncedInput {
-            lighting: None,
-            gbuffer: shot.gbuffer(),
-            camera: &shot.camera,
-            cloud: &senders.cloud,
-            bvh: &senders.bounds,
-            radiance,
-            timestamps: None,
-            roughness: None,
+            radiance: radiance.map_or(HitRadiance::None, HitRadiance::Surfels),
+            ..BouncedInput::new(&frame, &senders.cloud, &senders.bounds)
         };
         self.tracer(payload, sampling)
             .record(&self.gpu.device, &mut encoder, &input, settings, view)
@@ -250,13 +248,14 @@ impl Lab {
             .gpu
             .target(wgpu::TextureFormat::Rgba32Float, x + width, y + height);
         let mut encoder = self.gpu.encoder();
-        let input = HitResolverInput {
-            gbuffer: shot.lit_gbuffer(),
-            hits,
-            target: target.texture().into(),
-            timestamps: None,
-            roughness: None,
-        };
+        let mut decoded = Decoded::of(&shot.camera);
+        let frame = decoded.frame(
+            &mut encoder,
+            shot.lit_gbuffer(),
+            &shot.camera,
+            shot.camera.focus(),
+        );
+        let input = HitResolverInput::new(&frame, hits, target.texture());
         reconstructor
             .record(device, &mut encoder, &input, settings, &scratch)
             .expect("a picture");

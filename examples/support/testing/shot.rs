@@ -18,7 +18,7 @@ use deep_screen_space::{
     wgpu,
 };
 
-use crate::{gpu::Gpu, raster::perspective, scene::SceneBuffers};
+use crate::{gpu::Gpu, raster::perspective, scene::SceneBuffers, testing::frames::Decoded};
 
 /// What the passes are given.
 pub struct Shot {
@@ -142,13 +142,7 @@ impl Shot {
     }
 
     pub fn gbuffer(&self) -> GBuffer<'_> {
-        GBuffer {
-            depth: self.depth.texture().into(),
-            normal: self.normal.texture().into(),
-            normal_encoding: NormalEncoding::Signed,
-            normal_space: NormalSpace::World,
-            albedo: None,
-        }
+        GBuffer::new(self.depth.texture(), self.normal.texture())
     }
 
     /// The same with the albedo of what is seen.
@@ -276,28 +270,18 @@ impl Passes {
             .record_clusters(
                 device,
                 &mut encoder,
-                &ClusterInput {
-                    cloud: &cloud,
-                    materials: None,
-                    timestamps: None,
-                },
+                &ClusterInput::new(&cloud),
                 &settings.splat,
                 &mut clusters,
             )
             .expect("clusters");
+        let mut decoded = Decoded::of(&shot.camera);
+        let frame = decoded.frame(&mut encoder, shot.gbuffer(), &shot.camera, cloud.origin());
         self.splatter
             .record(
                 device,
                 &mut encoder,
-                &SplatInput {
-                    gbuffer: shot.gbuffer(),
-                    camera: &shot.camera,
-                    cloud: &cloud,
-                    clusters: &clusters,
-                    materials: None,
-                    work: None,
-                    timestamps: None,
-                },
+                &SplatInput::new(&frame, &cloud, &clusters),
                 &settings.splat,
                 &sums,
             )
@@ -306,12 +290,7 @@ impl Passes {
             .record(
                 device,
                 &mut encoder,
-                &ReconstructorInput {
-                    gbuffer: shot.gbuffer(),
-                    sums: &sums,
-                    target: target.texture().into(),
-                    timestamps: None,
-                },
+                &ReconstructorInput::new(&frame, &sums, target.texture()),
                 &settings.reconstructor,
                 &scratch,
             )

@@ -3,7 +3,7 @@
 use std::rc::Rc;
 
 use deep_screen_space::{
-    AmbientOcclusion, Camera, Components, Error, Gatherer, GathererBinding, Placement,
+    AmbientOcclusion, Camera, Components, Error, GBuffer, Gatherer, GathererBinding, Placement,
     ReflectiveShadowMap, ReflectiveShadowMapInput, SgHull, SgHullDescriptor, SgHullInput,
     SgHullSettings, SgHullSize, SurfelLight, Viewport,
     glam::DVec3,
@@ -155,12 +155,15 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         viewport,
         TextureUsages::RENDER_ATTACHMENT,
     );
-    let input = SgHullInput {
-        gbuffer: gbuffer.gbuffer(),
-        camera: &camera,
-        origin,
-        gather: lights.as_ref().filter(|_| !case.random.breaks()),
+    let gbuffer = GBuffer {
         roughness: roughness.as_ref().map(Part::slice),
+        ..gbuffer.gbuffer()
+    };
+    let mut decoding = inputs::Decoding::new(case, viewport)?;
+    let frame = decoding.frame(case, gbuffer, &camera, origin)?;
+    let input = SgHullInput {
+        frame: &frame,
+        gather: lights.as_ref().filter(|_| !case.random.breaks()),
         target: target.slice(),
         timestamps: case.timestamps(),
     };
@@ -201,11 +204,11 @@ fn bind(
             let gbuffer = inputs::gbuffer(case, &seen_by, true);
             let view = map.create_view(device, viewport.width, viewport.height);
             let view = case.accept(view)?;
+            let mut decoding = inputs::Decoding::new(case, viewport)?;
+            let frame = decoding.frame(case, gbuffer.gbuffer(), &seen_by, origin)?;
             let input = ReflectiveShadowMapInput {
-                gbuffer: gbuffer.gbuffer(),
-                camera: &seen_by,
+                frame: &frame,
                 light: inputs::light(case, seen_by.eye()),
-                origin,
                 timestamps: case.timestamps(),
             };
             let done = map.record(device, &mut case.encoder, &input, &view);

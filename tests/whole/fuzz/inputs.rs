@@ -1,7 +1,10 @@
 //! What a caller brings: cameras, textures, G-buffers, lights, tables.
 
+use std::rc::Rc;
+
 use deep_screen_space::{
-    Camera, GBuffer, Light, NormalEncoding, NormalSpace, PixelList, TextureSlice, Viewport,
+    Camera, Frame, FrameInput, GBuffer, GBufferDecoder, Light, NormalEncoding, NormalSpace,
+    PixelList, Receivers, TextureSlice, Viewport,
     glam::{DMat4, DVec3, DVec4},
     wgpu::{
         self, Buffer, BufferUsages, Texture, TextureFormat as Format, TextureUsages as Usages,
@@ -372,7 +375,58 @@ impl Drawn {
             normal_encoding: self.encoding,
             normal_space: self.space,
             albedo: self.albedo.as_ref().map(Part::slice),
+            roughness: None,
         }
+    }
+}
+
+/// Room for one camera's receivers.
+pub struct Decoding {
+    decoder: Rc<GBufferDecoder>,
+    receivers: Receivers,
+}
+
+impl Decoding {
+    pub fn new(case: &mut Case<'_>, viewport: Viewport) -> Option<Self> {
+        let device = case.device();
+        let decoder = case.once("", |device| GBufferDecoder::new(device, None))?;
+        let Viewport { width, height, .. } = viewport;
+        let width = if case.random.breaks() {
+            case.random.count(0, 64)
+        } else {
+            width
+        };
+        let receivers = decoder.create_receivers(device, width, height);
+        Some(Self {
+            receivers: case.accept(receivers)?,
+            decoder,
+        })
+    }
+
+    pub fn frame<'a, 'w: 'a>(
+        &'a mut self,
+        case: &mut Case<'w>,
+        gbuffer: GBuffer<'a>,
+        camera: &'a Camera,
+        origin: DVec3,
+    ) -> Option<Frame<'a>> {
+        let input = FrameInput {
+            gbuffer,
+            camera,
+            origin: if case.random.breaks() {
+                DVec3::splat(case.random.odd().into())
+            } else {
+                origin
+            },
+            timestamps: case.timestamps(),
+        };
+        let device = case.device();
+        let frame = self
+            .decoder
+            .record(device, &mut case.encoder, &input, &mut self.receivers);
+        let frame = case.accept(frame)?;
+        case.texture("receivers", frame.receivers().view().texture());
+        Some(frame)
     }
 }
 

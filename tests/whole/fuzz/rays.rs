@@ -1,9 +1,9 @@
 //! Surfels' pieces, or the surfels as disks, traced and reconstructed.
 
 use deep_screen_space::{
-    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, DiskSettings, HitLighting,
-    HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverSettings, Lighting, Merge,
-    Payload, Placement, Primitives, Sampling,
+    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, DiskSettings, GBuffer,
+    HitLighting, HitRadiance, HitResolver, HitResolverDescriptor, HitResolverInput,
+    HitResolverSettings, Merge, Payload, Placement, Primitives, Sampling,
     wgpu::{TextureFormat, TextureUsages},
 };
 
@@ -15,24 +15,23 @@ use super::{
 
 /// What tracers are made for: each takes pipelines of its own.
 fn descriptor(case: &mut Case<'_>) -> BouncedDescriptor {
-    let pieces = |payload, sampling, lighting| BouncedDescriptor {
+    let pieces = |payload, sampling| BouncedDescriptor {
         payload,
         primitives: Primitives::Triangles,
         sampling,
-        lighting,
         statistics: false,
     };
     let disks = |payload, levels| BouncedDescriptor {
         primitives: Primitives::Disks { levels },
-        ..pieces(payload, Sampling::Cosine, Lighting::Surfels)
+        ..pieces(payload, Sampling::Cosine)
     };
     let kinds = [
-        pieces(Payload::Occlusion, Sampling::Cosine, Lighting::Surfels),
-        pieces(Payload::Occlusion, Sampling::Glossy, Lighting::Surfels),
-        pieces(Payload::Radiance, Sampling::Uniform, Lighting::Surfels),
-        pieces(Payload::Radiance, Sampling::Glossy, Lighting::Surfels),
-        pieces(Payload::Radiance, Sampling::Cosine, Lighting::Hits),
-        pieces(Payload::Radiance, Sampling::Glossy, Lighting::Hits),
+        pieces(Payload::Occlusion, Sampling::Cosine),
+        pieces(Payload::Occlusion, Sampling::Glossy),
+        pieces(Payload::Radiance, Sampling::Uniform),
+        pieces(Payload::Radiance, Sampling::Glossy),
+        pieces(Payload::LitRadiance, Sampling::Cosine),
+        pieces(Payload::LitRadiance, Sampling::Glossy),
         disks(Payload::Occlusion, 1),
         disks(Payload::Radiance, 5),
     ];
@@ -88,9 +87,8 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         BouncedZBuffer::new(device, &descriptor, None)
     })?;
     let placements = [Placement::Centroid, Placement::Random, Placement::Grid];
-    let from_leaves = descriptor.payload == Payload::Radiance
-        && descriptor.lighting == Lighting::Surfels
-        && descriptor.primitives == Primitives::Triangles;
+    let from_leaves =
+        descriptor.payload == Payload::Radiance && descriptor.primitives == Primitives::Triangles;
     let accepted = if from_leaves && !case.random.breaks() {
         1
     } else {
@@ -99,8 +97,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let surfels = surfels::record(case, &camera, &placements[..accepted])?;
     let cloud = &surfels.cloud;
     let bounds = surfels::bvh(case, descriptor.primitives, cloud)?;
-    let is_lit =
-        descriptor.payload == Payload::Radiance && descriptor.lighting == Lighting::Surfels;
+    let is_lit = descriptor.payload == Payload::Radiance;
     let traced = (descriptor.primitives == Primitives::Triangles).then_some(&bounds);
     let radiance = if is_lit {
         Some(surfels::radiance(case, cloud, &camera, traced)?)
@@ -119,7 +116,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         camera
     };
     let is_glossy = descriptor.sampling == Sampling::Glossy;
-    let needs_albedo = descriptor.payload == Payload::Radiance && !is_glossy;
+    let needs_albedo = descriptor.payload != Payload::Occlusion && !is_glossy;
     let gbuffer = inputs::gbuffer(case, &camera, needs_albedo);
     let roughness = (is_glossy && !case.random.breaks()).then(|| roughness(case, viewport));
     let roughness = roughness.as_ref().map(Part::slice);
@@ -127,22 +124,30 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let room = settings.rays_per_pixel.max(case.random.count(0, 64));
     let view = tracer.create_view(device, viewport.width, viewport.height, room);
     let view = case.accept(view)?;
+    let lit = HitRadiance::Lit(HitLighting {
+        materials: &materials,
+        lights: &lights,
+    });
+    let radiance = if case.random.breaks() {
+        HitRadiance::None
+    } else {
+        radiance.as_ref().map_or(lit, HitRadiance::Surfels)
+    };
+    let gbuffer = GBuffer {
+        roughness,
+        ..gbuffer.gbuffer()
+    };
+    let mut decoding = inputs::Decoding::new(case, viewport)?;
+    let frame = decoding.frame(case, gbuffer, &camera, cloud.origin())?;
     let input = BouncedInput {
-        gbuffer: gbuffer.gbuffer(),
-        camera: &camera,
+        frame: &frame,
         cloud,
         bvh: &bounds,
-        radiance: radiance.as_ref(),
-        lighting: Some(HitLighting {
-            materials: &materials,
-            lights: &lights,
-        }),
-        roughness,
+        radiance,
         timestamps: case.timestamps(),
     };
     let done = tracer.record(device, &mut case.encoder, &input, &settings, &view);
     case.accept(done)?;
-    case.texture("receivers", view.receivers().texture());
     if let Some(blocked) = view.blocked() {
         case.buffer("blocked", blocked, Kind::Bits);
     }
@@ -183,8 +188,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     };
     case.note("hit resolver", filter);
     let input = HitResolverInput {
-        gbuffer: gbuffer.gbuffer(),
-        roughness,
+        frame: &frame,
         hits: &view,
         target: target.slice(),
         timestamps: case.timestamps(),

@@ -149,9 +149,10 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let levels = settings.levels.max(case.random.count(1, 8));
     let sums = splatter.create_view(device, width, height, levels);
     let sums = case.accept(sums)?;
+    let mut decoding = inputs::Decoding::new(case, viewport)?;
+    let frame = decoding.frame(case, gbuffer.gbuffer(), &camera, cloud.origin())?;
     let input = SplatInput {
-        gbuffer: gbuffer.gbuffer(),
-        camera: &camera,
+        frame: &frame,
         cloud,
         clusters: &clusters,
         materials: Some(&materials),
@@ -161,7 +162,6 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let done = splatter.record(device, &mut case.encoder, &input, &settings, &sums);
     case.accept(done)?;
     case.texture("sums", sums.sums().texture());
-    case.texture("receivers", sums.receivers().texture());
     if let Some(statistics) = sums.statistics() {
         case.buffer("statistics", statistics, Kind::Bits);
     }
@@ -184,7 +184,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     };
     case.note("reconstructor", settings);
     let input = ReconstructorInput {
-        gbuffer: gbuffer.gbuffer(),
+        frame: &frame,
         sums: &sums,
         target: target.slice(),
         timestamps: case.timestamps(),

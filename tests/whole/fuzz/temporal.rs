@@ -98,9 +98,15 @@ fn frame(
         .map(Part::slice)
         .map(|texture| MotionVectors { texture, scale });
     let target = inputs::target(case, format, viewport, TextureUsages::RENDER_ATTACHMENT);
+    let mut decoding = inputs::Decoding::new(case, viewport)?;
+    let origin = if case.random.chance(0.5) {
+        camera.focus()
+    } else {
+        camera.eye()
+    };
+    let frame = decoding.frame(case, drawn.gbuffer(), camera, origin)?;
     let input = TemporalInput {
-        gbuffer: drawn.gbuffer(),
-        camera,
+        frame: &frame,
         previous_camera: previous,
         motion,
         picture: picture.slice(),

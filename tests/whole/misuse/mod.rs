@@ -10,8 +10,8 @@ use std::sync::LazyLock;
 
 use deep_screen_space::{
     AmbientOcclusion, BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView,
-    BouncedZBuffer, Bvh, BvhBuilder, Camera, CloudCapacity, ClusterInput, Error, GBuffer, Geometry,
-    HitLighting, Lighting, Material, Mesh, NormalEncoding, NormalSpace, Payload, PositionFormat,
+    BouncedZBuffer, Bvh, BvhBuilder, Camera, CloudCapacity, ClusterInput, Error, GBuffer,
+    GBufferDecoder, Geometry, HitLighting, HitRadiance, Material, Mesh, Payload, PositionFormat,
     Primitives, ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatSettings, SplatView,
     SurfelCloud, SurfelClusters, Surfelizer, SurfelizerInput, SurfelizerSettings, Vertices,
     Viewport,
@@ -21,6 +21,7 @@ use deep_screen_space::{
 use support::{
     gpu::{Ask, Gpu},
     raster::perspective,
+    testing::frames::Decoded,
 };
 
 const SIDE: u32 = 8;
@@ -37,6 +38,7 @@ struct Lab {
     normal: wgpu::TextureView,
     albedo: wgpu::TextureView,
     materials: wgpu::Buffer,
+    decoder: GBufferDecoder,
     surfelizer: Surfelizer,
     splatter: ShellSplatter,
     builder: BvhBuilder,
@@ -80,8 +82,7 @@ impl Lab {
             cache: None,
         };
         let lit = BouncedDescriptor {
-            payload: Payload::Radiance,
-            lighting: Lighting::Hits,
+            payload: Payload::LitRadiance,
             ..BouncedDescriptor::default()
         };
         let bounced =
@@ -95,6 +96,7 @@ impl Lab {
             normal: texture(Format::Rgba32Float, &vec![[0.0, 0.0, 1.0, 0.0]; texels]),
             albedo: texture(Format::Rgba32Float, &vec![[0.5; 4]; texels]),
             materials: gpu.buffer(&[Material::default()], BufferUsages::STORAGE),
+            decoder: GBufferDecoder::new(device, None).expect("pipelines"),
             surfelizer: Surfelizer::new(device, None).expect("pipelines"),
             splatter: ShellSplatter::new(device, &splatter).expect("pipelines"),
             builder: BvhBuilder::new(&gpu.device, Primitives::Triangles, None).expect("pipelines"),
@@ -107,12 +109,13 @@ impl Lab {
 
     fn gbuffer(&self) -> GBuffer<'_> {
         GBuffer {
-            depth: self.depth.texture().into(),
-            normal: self.normal.texture().into(),
-            normal_encoding: NormalEncoding::Signed,
-            normal_space: NormalSpace::World,
             albedo: Some(self.albedo.texture().into()),
+            ..GBuffer::new(self.depth.texture(), self.normal.texture())
         }
+    }
+
+    fn decoded(&self) -> Decoded<'_> {
+        Decoded::on(&self.gpu.device, &self.decoder, &self.camera)
     }
 
     fn cloud(&self, capacity: CloudCapacity) -> SurfelCloud {
@@ -166,11 +169,7 @@ impl Lab {
         cloud: &SurfelCloud,
         clusters: &mut SurfelClusters,
     ) -> Result<(), Error> {
-        let input = ClusterInput {
-            cloud,
-            materials: None,
-            timestamps: None,
-        };
+        let input = ClusterInput::new(cloud);
         self.splatter
             .record_clusters(&self.gpu.device, encoder, &input, &splat(), clusters)
     }
@@ -186,15 +185,9 @@ impl Lab {
         (cloud, clusters): (&SurfelCloud, &SurfelClusters),
         view: &SplatView,
     ) -> Result<(), Error> {
-        let input = SplatInput {
-            gbuffer: self.gbuffer(),
-            camera: &self.camera,
-            cloud,
-            clusters,
-            materials: None,
-            work: None,
-            timestamps: None,
-        };
+        let mut decoded = self.decoded();
+        let frame = decoded.frame(encoder, self.gbuffer(), &self.camera, cloud.origin());
+        let input = SplatInput::new(&frame, cloud, clusters);
         self.splatter
             .record(&self.gpu.device, encoder, &input, &splat(), view)
     }
@@ -228,18 +221,14 @@ impl Lab {
         materials: &wgpu::Buffer,
         view: &BouncedView,
     ) -> Result<(), Error> {
+        let mut decoded = self.decoded();
+        let frame = decoded.frame(encoder, self.gbuffer(), &self.camera, cloud.origin());
         let input = BouncedInput {
-            gbuffer: self.gbuffer(),
-            camera: &self.camera,
-            cloud,
-            bvh: bounds,
-            radiance: None,
-            lighting: Some(HitLighting {
+            radiance: HitRadiance::Lit(HitLighting {
                 materials,
                 lights: &[],
             }),
-            roughness: None,
-            timestamps: None,
+            ..BouncedInput::new(&frame, cloud, bounds)
         };
         let settings = BouncedSettings {
             rays_per_pixel: 4,

@@ -49,12 +49,9 @@ fn clusters_and_sums_are_those_of_the_cloud() {
     let scratch = pass.create_view(device, &view).expect("a view");
     let target = lab.gpu.target(Format::R32Float, SIDE, SIDE);
     let resolve = |e: &mut wgpu::CommandEncoder| {
-        let input = ReconstructorInput {
-            gbuffer: lab.gbuffer(),
-            sums: &view,
-            target: target.texture().into(),
-            timestamps: None,
-        };
+        let mut decoded = lab.decoded();
+        let frame = decoded.frame(e, lab.gbuffer(), &lab.camera, lab.camera.focus());
+        let input = ReconstructorInput::new(&frame, &view, target.texture());
         pass.record(
             device,
             e,
@@ -138,13 +135,9 @@ fn bounds_and_hits_are_those_of_the_cloud() {
     let scratch = pass.create_view(device, &hits).expect("a view");
     let target = lab.gpu.target(Format::R32Float, SIDE, SIDE);
     let resolve = |e: &mut wgpu::CommandEncoder| {
-        let input = HitResolverInput {
-            gbuffer: lab.gbuffer(),
-            roughness: None,
-            hits: &hits,
-            target: target.texture().into(),
-            timestamps: None,
-        };
+        let mut decoded = lab.decoded();
+        let frame = decoded.frame(e, lab.gbuffer(), &lab.camera, lab.camera.focus());
+        let input = HitResolverInput::new(&frame, &hits, target.texture());
         let settings = HitResolverSettings::default();
         pass.record(device, e, &input, &settings, &scratch)
     };
@@ -200,15 +193,9 @@ fn gatherers_bind_for_themselves() {
     let target = lab.gpu.target(Format::Rgba16Float, SIDE, SIDE);
     let mut encoder = lab.gpu.encoder();
     let mut record = |gather, origin| {
-        let input = SgHullInput {
-            gbuffer: lab.gbuffer(),
-            camera: &lab.camera,
-            origin,
-            gather: Some(gather),
-            roughness: None,
-            target: target.texture().into(),
-            timestamps: None,
-        };
+        let mut decoded = lab.decoded();
+        let frame = decoded.record(&mut encoder, lab.gbuffer(), &lab.camera, origin)?;
+        let input = SgHullInput::new(&frame, Some(gather), target.texture());
         let settings = SgHullSettings::default();
         hull.record(device, &mut encoder, &input, &settings, &view)
     };
@@ -225,11 +212,11 @@ fn gatherers_bind_for_themselves() {
         record(&own, eye + DVec3::X),
         kind,
         "SgHullInput::gather",
-        "SgHullInput::origin",
+        "FrameInput::origin",
     );
     for bad in [f64::NAN, 1e30] {
         let recorded = record(&own, DVec3::X * bad);
-        refused(recorded, "Setting", "SgHullInput::origin", "finite");
+        refused(recorded, "Setting", "FrameInput::origin", "finite");
     }
     submit(lab, encoder);
 }

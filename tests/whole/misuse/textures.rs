@@ -50,16 +50,9 @@ impl Lab {
         let channels = deep_screen_space::Channels::Three;
         let pass = TemporalAccumulator::new(device, channels, format, None).expect("pipelines");
         let mut history = pass.create_history(device, SIDE, SIDE).expect("a history");
-        let input = TemporalInput {
-            gbuffer,
-            camera: &self.camera,
-            previous_camera: &self.camera,
-            motion: None,
-            picture,
-            target,
-            reset: false,
-            timestamps: None,
-        };
+        let mut decoded = self.decoded();
+        let frame = decoded.record(encoder, gbuffer, &self.camera, self.camera.focus())?;
+        let input = TemporalInput::new(&frame, &self.camera, picture, target);
         pass.record(
             device,
             encoder,
@@ -348,18 +341,13 @@ fn targets_are_none_of_the_inputs() {
     let gather = gatherer
         .bind_lights(device, &[], lab.camera.eye())
         .expect("lights");
-    let input = SgHullInput {
-        gbuffer: GBuffer {
-            albedo: Some(first),
-            ..lab.gbuffer()
-        },
-        camera: &lab.camera,
-        origin: lab.camera.eye(),
-        gather: Some(&gather),
-        roughness: None,
-        target: first,
-        timestamps: None,
+    let gbuffer = GBuffer {
+        albedo: Some(first),
+        ..lab.gbuffer()
     };
+    let mut decoded = lab.decoded();
+    let frame = decoded.frame(&mut encoder, gbuffer, &lab.camera, lab.camera.eye());
+    let input = SgHullInput::new(&frame, Some(&gather), first);
     let settings = SgHullSettings::default();
     let recorded = hull.record(device, &mut encoder, &input, &settings, &view);
     refused(
@@ -406,7 +394,7 @@ fn albedo_that_is_not_finite_is_black() {
     check("hull", &|gbuffer| {
         hull_picture(lab, gbuffer, SgHull::record)
     });
-    check("exact hull", &|gbuffer| {
+    check("hull per pixel", &|gbuffer| {
         hull_picture(lab, gbuffer, SgHull::record_per_pixel)
     });
     check("hits", &|gbuffer| hits_picture(lab, gbuffer));
@@ -443,16 +431,11 @@ fn hull_picture(lab: &Lab, gbuffer: GBuffer<'_>, record: RecordHull) -> Vec<[f32
     }];
     let gather = gatherer.bind_lights(device, &lights, lab.camera.eye());
     let target = lab.gpu.target(Format::Rgba32Float, SIDE, SIDE);
-    let input = SgHullInput {
-        gbuffer,
-        camera: &lab.camera,
-        origin: lab.camera.eye(),
-        gather: Some(&gather.expect("lights")),
-        roughness: None,
-        target: target.texture().into(),
-        timestamps: None,
-    };
     let mut encoder = lab.gpu.encoder();
+    let mut decoded = lab.decoded();
+    let frame = decoded.frame(&mut encoder, gbuffer, &lab.camera, lab.camera.eye());
+    let gather = gather.expect("lights");
+    let input = SgHullInput::new(&frame, Some(&gather), target.texture());
     let settings = SgHullSettings::default();
     record(&hull, device, &mut encoder, &input, &settings, &view).expect("a picture");
     lab.gpu.finish(encoder);
@@ -473,18 +456,14 @@ fn hits_picture(lab: &Lab, gbuffer: GBuffer<'_>) -> Vec<[f32; 4]> {
         sky_radiance: [1.0; 3],
         ..BouncedSettings::default()
     };
+    let mut decoded = lab.decoded();
+    let frame = decoded.frame(&mut encoder, gbuffer, &lab.camera, cloud.origin());
     let input = BouncedInput {
-        gbuffer,
-        camera: &lab.camera,
-        cloud: &cloud,
-        bvh: &bounds,
-        radiance: None,
-        lighting: Some(HitLighting {
+        radiance: HitRadiance::Lit(HitLighting {
             materials: &lab.materials,
             lights: &[],
         }),
-        roughness: None,
-        timestamps: None,
+        ..BouncedInput::new(&frame, &cloud, &bounds)
     };
     lab.lit
         .record(device, &mut encoder, &input, &traced, &hits)
@@ -498,13 +477,7 @@ fn hits_picture(lab: &Lab, gbuffer: GBuffer<'_>) -> Vec<[f32; 4]> {
     let pass = HitResolver::new(device, &descriptor, None).expect("pipelines");
     let scratch = pass.create_view(device, &hits).expect("a view");
     let target = lab.gpu.target(Format::Rgba32Float, SIDE, SIDE);
-    let input = HitResolverInput {
-        gbuffer,
-        roughness: None,
-        hits: &hits,
-        target: target.texture().into(),
-        timestamps: None,
-    };
+    let input = HitResolverInput::new(&frame, &hits, target.texture());
     let settings = HitResolverSettings::default();
     pass.record(device, &mut encoder, &input, &settings, &scratch)
         .expect("a picture");
@@ -541,15 +514,9 @@ fn sums_picture(lab: &Lab, gbuffer: GBuffer<'_>) -> Vec<[f32; 4]> {
     };
     let splatter = ShellSplatter::new(device, &descriptor).expect("pipelines");
     let sums = lab.splat_view();
-    let input = SplatInput {
-        gbuffer,
-        camera: &lab.camera,
-        cloud: &cloud,
-        clusters: &clusters,
-        materials: None,
-        work: None,
-        timestamps: None,
-    };
+    let mut decoded = lab.decoded();
+    let frame = decoded.frame(&mut encoder, gbuffer, &lab.camera, cloud.origin());
+    let input = SplatInput::new(&frame, &cloud, &clusters);
     splatter
         .record(device, &mut encoder, &input, &splat(), &sums)
         .expect("sums");
@@ -557,12 +524,7 @@ fn sums_picture(lab: &Lab, gbuffer: GBuffer<'_>) -> Vec<[f32; 4]> {
     let pass = pass.expect("pipelines");
     let scratch = pass.create_view(device, &sums).expect("a view");
     let target = lab.gpu.target(Format::Rgba32Float, SIDE, SIDE);
-    let input = ReconstructorInput {
-        gbuffer,
-        sums: &sums,
-        target: target.texture().into(),
-        timestamps: None,
-    };
+    let input = ReconstructorInput::new(&frame, &sums, target.texture());
     let settings = ReconstructorSettings::default();
     pass.record(device, &mut encoder, &input, &settings, &scratch)
         .expect("a picture");
