@@ -105,7 +105,7 @@ pub struct SgHullDescriptor<'a> {
     pub target: TextureFormat,
     /// Whether the picture is multiplied by the G-buffer's albedo; it is 1 otherwise.
     pub albedo: bool,
-    /// Whether surfaces are glossy besides: adds what the lobe of [`GBuffer::roughness`] reflects. Off, nothing is bound
+    /// Whether surfaces are glossy besides: adds what the lobe of [`GBuffer::roughness`](crate::GBuffer::roughness) reflects. Off, nothing is bound
     /// or computed for it.
     pub glossy: bool,
     /// How texels become segments.
