@@ -12,6 +12,7 @@
 #import spherical_gaussian
 #import sg_hull_vertex
 #import screen
+#import target
 #if GLOSSY
 #import sg_glossy
 #endif
@@ -139,9 +140,9 @@ fn shade(in: Corner) -> @location(0) vec4f {
   let diffuse = reflected(pixel, vec3f(lobe_irradiance(in.red, in.excess.x, normal),
     lobe_irradiance(in.green, in.excess.y, normal), lobe_irradiance(in.blue, in.excess.z, normal)));
 #if GLOSSY
-  return with_gloss(pixel, texel, diffuse, in.red, in.green, in.blue);
+  return held(with_gloss(pixel, texel, diffuse, in.red, in.green, in.blue));
 #else
-  return diffuse;
+  return held(diffuse);
 #endif
 }
 
@@ -153,9 +154,9 @@ fn shade_flat(in: FlatCorner) -> @location(0) vec4f {
   }
   let diffuse = reflected(pixel, in.irradiance);
 #if GLOSSY
-  return with_gloss(pixel, textureLoad(receivers, pixel, 0), diffuse, in.red, in.green, in.blue);
+  return held(with_gloss(pixel, textureLoad(receivers, pixel, 0), diffuse, in.red, in.green, in.blue));
 #else
-  return diffuse;
+  return held(diffuse);
 #endif
 }
 

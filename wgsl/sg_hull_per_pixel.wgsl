@@ -8,6 +8,7 @@
 #import lobes
 #import gatherer
 #import screen
+#import target
 #if GLOSSY
 #import sg_glossy
 #endif
@@ -64,7 +65,7 @@ fn per_pixel(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
   if texel.w == SKY {
     return vec4f(0.0, 0.0, 0.0, 1.0);
   }
-  return shown(pixel, light_of(pixel, texel));
+  return held(shown(pixel, light_of(pixel, texel)));
 }
 
 fn pixel_at(number: u32) -> vec2u {
@@ -97,5 +98,5 @@ fn point(@builtin(vertex_index) i: u32) -> Point {
 @fragment
 fn draw_point(in: Point) -> @location(0) vec4f {
   let pixel = min(vec2u(in.clip.xy) - params.camera.viewport.xy, params.camera.viewport.zw - 1u);
-  return shown(pixel, in.light);
+  return held(shown(pixel, in.light));
 }

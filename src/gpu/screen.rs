@@ -36,6 +36,16 @@ pub(crate) fn check_format(
     Ok(())
 }
 
+/// The largest colour that a target holds, for `wgsl/common/target.wgsl`.
+pub(crate) fn brightest(format: TextureFormat) -> f64 {
+    match format {
+        TextureFormat::R16Float | TextureFormat::Rg16Float | TextureFormat::Rgba16Float => 65504.0,
+        // Blue's: it has one bit less.
+        TextureFormat::Rg11b10Ufloat => 64512.0,
+        _ => 3.4e38,
+    }
+}
+
 /// Checks a target that such a pipeline of format `made_for` draws into.
 pub(crate) fn check_target(
     name: &'static str,

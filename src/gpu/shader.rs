@@ -32,6 +32,7 @@ const COMMON: &[Module<'static>] = common![
     albedo,
     receiver,
     surfel,
+    target,
     triangle,
     light,
     shadow_map,

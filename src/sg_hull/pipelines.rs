@@ -121,6 +121,8 @@ impl<'a> Maker<'a> {
         layouts: &[&BindGroupLayout],
         constants: &[(&str, f64)],
     ) -> RenderPipeline {
+        let brightest = ("brightest", screen::brightest(self.descriptor.target));
+        let constants = &[constants, &[brightest]].concat();
         screen::Drawing {
             label: LABEL,
             module,

@@ -98,8 +98,11 @@ fn every_variant_validates_with_the_capabilities_it_asks_for() {
         } else {
             ""
         };
+        // Whole at once: other runs may be writing the same, and a browser reading it.
         let file = folder.join(format!("{}.wgsl", shader.name.replace(' ', "_")));
-        fs::write(file, format!("{header}{}", shader.source)).expect("target can be written");
+        let part = file.with_extension(std::process::id().to_string());
+        fs::write(&part, format!("{header}{}", shader.source)).expect("target can be written");
+        fs::rename(part, file).expect("target can be written");
     }
 }
 

@@ -62,14 +62,25 @@ fn render(name: &str, arguments: &str) -> Result<Drawn, String> {
     })
 }
 
-/// A folder of the running test's own: tests run side by side, and some use the same names.
+/// A folder that is the running test's alone, and is gone with its thread: tests run side by side, in one process and in
+/// several, and some use the same names.
 fn folder(name: &str) -> PathBuf {
-    let thread = std::thread::current();
-    let test = thread.name().expect("a test's thread").replace("::", "-");
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR"))
-        .join("render")
-        .join(test)
-        .join(name);
+    struct Own(PathBuf);
+    impl Drop for Own {
+        fn drop(&mut self) {
+            // Nothing is there where the test wrote nothing.
+            let _ = std::fs::remove_dir_all(&self.0);
+        }
+    }
+    thread_local! {
+        static OWN: Own = {
+            let thread = std::thread::current();
+            let test = thread.name().expect("a test's thread").replace("::", "-");
+            let name = format!("render-{}-{test}", std::process::id());
+            Own(PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name))
+        };
+    }
+    let folder = OWN.with(|own| own.0.join(name));
     std::fs::create_dir_all(&folder).expect("a folder");
     folder
 }

@@ -1,10 +1,9 @@
 //! Where buffers are.
 
-use std::path::{Path, PathBuf};
-
 use serde_json::json;
 
 use super::files::{File, ROOM, near_origin, read, square, triangles};
+use crate::folder;
 use support::gltf::{load_gltf, read_gltf};
 
 /// The square as JSON whose buffer is at this URI.
@@ -12,15 +11,6 @@ fn at(uri: &str) -> Vec<u8> {
     let mut file = square();
     file.json["buffers"] = json!([{ "byteLength": file.bytes.len(), "uri": uri }]);
     file.json.to_string().into_bytes()
-}
-
-/// A folder of a test's own.
-fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"))
-        .join("gltf")
-        .join(name);
-    std::fs::create_dir_all(&folder).expect("a folder");
-    folder
 }
 
 pub fn base64(bytes: &[u8]) -> String {

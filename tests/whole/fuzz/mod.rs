@@ -140,16 +140,21 @@ fn try_case(
     Ok(first)
 }
 
-fn fuzz(name: &'static str, cases: u64, record: fn(&mut Case<'_>)) {
+/// The first so many cases, and before them those of `known`, where the environment names no others.
+fn fuzz(name: &'static str, known: &[u64], cases: u64, record: fn(&mut Case<'_>)) {
     let (mut world, mut errors) = open();
-    let cases = from_env("DSS_FUZZ_CASES", cases);
+    let count = from_env("DSS_FUZZ_CASES", cases);
     let first = from_env("DSS_FUZZ_SEED", 1);
+    let named = ["DSS_FUZZ_CASES", "DSS_FUZZ_SEED"].map(std::env::var_os);
+    let known = if named == [None, None] { known } else { &[] };
+    let seeds = known.iter().copied().chain(first..first + count);
+    let cases = known.len() as u64 + count;
     let progress = watch(name);
     let notes = RefCell::default();
     let (mut refused, mut failed, mut times) = (0, Vec::new(), Vec::new());
     let start = Instant::now();
-    for seed in first..first + cases {
-        if seed > first && (seed - first).is_multiple_of(RENEWED) {
+    for (number, seed) in (0..cases).zip(seeds) {
+        if number > 0 && number.is_multiple_of(RENEWED) {
             (world, errors) = open();
         }
         let began = Instant::now();
@@ -185,25 +190,26 @@ fn fuzz(name: &'static str, cases: u64, record: fn(&mut Case<'_>)) {
 
 #[test]
 fn surfels_splatted() {
-    fuzz("surfels_splatted", 10, splats::record);
+    fuzz("surfels_splatted", &[], 10, splats::record);
 }
 
 #[test]
 fn surfels_traced() {
-    fuzz("surfels_traced", 10, rays::record);
+    fuzz("surfels_traced", &[], 10, rays::record);
 }
 
 #[test]
 fn images_in_parts() {
-    fuzz("images_in_parts", 10, screen::record);
+    fuzz("images_in_parts", &[], 10, screen::record);
 }
 
 #[test]
 fn hulls() {
-    fuzz("hulls", 10, hull::record);
+    // They were wrong once: a mean irradiance that followed the order of vertices, and garbage that gave NaN with gloss.
+    fuzz("hulls", &[260, 367], 10, hull::record);
 }
 
 #[test]
 fn frames() {
-    fuzz("frames", 10, temporal::record);
+    fuzz("frames", &[], 10, temporal::record);
 }
