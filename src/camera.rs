@@ -598,6 +598,11 @@ pub struct CameraParams {
     pub(crate) reference: f32,
 }
 
+crate::gpu::reflection::same_as_wgsl!(
+    cameras_are_the_shaders: CameraParams as "Camera" in ["surfelizer", "receivers", "reconstructor smooth", "reconstructor", "temporal_accumulator", "bounced_z_buffer radiance glossy"]
+    { unproject, view_to_world, eye, far_depth, viewport, pixel, near, perspective, reference }
+);
+
 /// `Rays` of `wgsl/common/camera.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -605,6 +610,11 @@ pub struct RayParams {
     pub(crate) base: [[f32; 4]; 3],
     pub(crate) direction: [[f32; 4]; 3],
 }
+
+crate::gpu::reflection::same_as_wgsl!(
+    rays_are_the_shaders: RayParams as "Rays" in ["volumetric_obscurance", "sg_hull_segment"]
+    { base, direction }
+);
 
 impl CameraParams {
     /// What a pass over a sub-image alone knows of the camera: its pixels lie from the corner and are larger. Its points are

@@ -230,6 +230,11 @@ pub struct Material {
     pub double_sided: u32,
 }
 
+crate::gpu::reflection::same_as_wgsl!(
+    materials_are_the_shaders: Material as "Material" in ["shell_splatter build", "surfel_shader"]
+    { albedo, emission, double_sided }
+);
+
 /// The triangles of a scene as the caller draws them.
 #[derive(Clone, Copy, Debug)]
 pub struct Geometry<'a> {

@@ -108,8 +108,6 @@ mod gbuffer;
 mod geometry;
 mod gpu;
 mod hit_resolver;
-#[cfg(test)]
-mod layout;
 mod light;
 mod multi_res_mask;
 mod multi_res_reconstructor;

@@ -120,6 +120,11 @@ pub(crate) struct LightParams {
     pub(crate) sharpness: f32,
 }
 
+crate::gpu::reflection::same_as_wgsl!(
+    lights_are_the_shaders: LightParams as "Light" in ["surfel_shader shadow map samples", "sg_hull_gather lights"]
+    { position, kind, direction, outer, color, sharpness }
+);
+
 impl LightParams {
     /// In the eye space of `origin`.
     pub fn new(light: &Light, origin: DVec3) -> Self {

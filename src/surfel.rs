@@ -79,6 +79,11 @@ pub struct SurfelSource {
     pub material: u32,
 }
 
+crate::gpu::reflection::same_as_wgsl!(
+    sources_are_the_shaders: SurfelSource as "SurfelSource" in ["surfelizer", "shell_splatter build", "shell_splatter splat"]
+    { normal, piece, leaf, material }
+);
+
 /// What a surfel sends: 32 bytes each, one a surfel of a cloud. The [`SurfelShader`](crate::SurfelShader) fills a buffer
 /// of them; so may a caller that knows its surfaces' light from elsewhere.
 ///
@@ -95,6 +100,11 @@ pub struct SurfelRadiance {
     /// 0.
     pub padding1: f32,
 }
+
+crate::gpu::reflection::same_as_wgsl!(
+    radiance_is_the_shaders: SurfelRadiance as "SurfelRadiance" in ["surfel_shader shadow map samples"]
+    { front, back }
+);
 
 /// A triangle after pre-splitting: `pieces` of the cloud, 48 bytes each. Its surfels are the leaves of its
 /// longest-edge bisection. A small triangle that stands for others, since
@@ -118,6 +128,11 @@ pub struct Piece {
     pub triangle: u32,
 }
 
+crate::gpu::reflection::same_as_wgsl!(
+    pieces_are_the_shaders: Piece as "Piece" in ["surfelizer"]
+    { a, material, b, shape, c, triangle }
+);
+
 /// What a recording found, as it stands in [`SurfelCloud::counters`] once the GPU has run it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
@@ -139,6 +154,11 @@ pub struct SurfelCounts {
     /// [`SurfelCounts::lost_area_share`].
     pub lost_area: u32,
 }
+
+crate::gpu::reflection::same_as_wgsl!(
+    counts_are_the_shaders: SurfelCounts as "Counters" in ["surfelizer", "shell_splatter build", "shell_splatter splat"]
+    { pieces, surfels, rejected, stored, merged, lost_area }
+);
 
 impl SurfelCounts {
     /// Surfels that found no room.

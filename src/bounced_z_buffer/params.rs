@@ -31,6 +31,11 @@ pub struct BouncedParams {
     pub(crate) world_radius: f32,
 }
 
+crate::gpu::reflection::same_as_wgsl!(
+    params_are_the_shaders: BouncedParams as "Params" in ["bounced_z_buffer occlusion", "bounced_z_buffer radiance", "bounced_z_buffer occlusion glossy", "bounced_z_buffer radiance glossy"]
+    { size, columns, rows, frame, words, surfel_capacity, sky_radiance, world_radius }
+);
+
 impl BouncedParams {
     pub fn new(settings: &BouncedSettings, size: [u32; 2], capacity: CloudCapacity) -> Self {
         let [columns, rows] = grid(settings.rays_per_pixel);
@@ -65,6 +70,11 @@ pub(crate) struct LightsParams {
     pub(crate) padding: [u32; 3],
 }
 
+crate::gpu::reflection::same_as_wgsl!(
+    lights_are_the_shaders: LightsParams as "Lights" in ["bounced_z_buffer radiance lit"]
+    { lights, count }
+);
+
 impl LightsParams {
     /// Of those that shine, [`MAX_LIGHTS`] at most, relative to `origin`.
     pub fn new(lights: &[Light], origin: DVec3) -> Self {
@@ -97,6 +107,11 @@ pub(crate) struct DiskParams {
     pub(crate) shell_radii: f32,
     pub(crate) padding: [u32; 3],
 }
+
+crate::gpu::reflection::same_as_wgsl!(
+    disks_are_the_shaders: DiskParams as "DiskParams" in ["bounced_z_buffer occlusion disks"]
+    { levels, merge, seed, capacity, level_first, shell_radii }
+);
 
 impl DiskParams {
     pub fn new(settings: &DiskSettings, bounds: &DiskBounds) -> Self {

@@ -70,6 +70,11 @@ pub(crate) struct DiskBoundsParams {
     pub(crate) level_first: u32,
 }
 
+crate::gpu::reflection::same_as_wgsl!(
+    params_are_the_shaders: DiskBoundsParams as "Params" in ["disk_bounds"]
+    { level, depth, capacity, level_first }
+);
+
 /// An array of vectors in whole rows, and the texture of the same.
 #[derive(Debug)]
 struct VectorArray {

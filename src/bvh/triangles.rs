@@ -35,9 +35,13 @@ const BLOCK: u32 = 256;
 const BLOCK_LEFT: u32 = 64;
 
 /// Bytes of the shaders' `BinaryNode`, `State` and `Task`.
-pub(crate) const BINARY_NODE_BYTES: u64 = 48;
-pub(crate) const STATE_BYTES: u64 = 560;
-pub(crate) const TASK_BYTES: u64 = 16;
+const BINARY_NODE_BYTES: u64 = 48;
+const STATE_BYTES: u64 = 560;
+const TASK_BYTES: u64 = 16;
+
+crate::gpu::reflection::bytes_of_wgsl!(nodes_are_the_shaders: BINARY_NODE_BYTES, as "BinaryNode" in ["bvh_order", "bvh_cluster", "bvh_collapse"]);
+crate::gpu::reflection::bytes_of_wgsl!(state_is_the_shaders: STATE_BYTES, as "State" in ["bvh_order", "bvh_cluster", "bvh_collapse"]);
+crate::gpu::reflection::bytes_of_wgsl!(tasks_are_the_shaders: TASK_BYTES, as "Task" in ["bvh_collapse"]);
 
 /// Levels of nodes that have a dispatch of their own; the last dispatch makes all that are left.
 const LEVELS: u32 = 16;
@@ -72,6 +76,11 @@ pub(crate) struct BvhParams {
     pub(crate) threads: u32,
     pub(crate) padding: u32,
 }
+
+crate::gpu::reflection::same_as_wgsl!(
+    params_are_the_shaders: BvhParams as "Params" in ["bvh_order", "bvh_cluster", "bvh_collapse"]
+    { capacity, level, threads }
+);
 
 /// The most nodes over `count` triangles: see `wgsl/bvh_collapse.wgsl`.
 pub(super) fn most_nodes(count: u32) -> u32 {

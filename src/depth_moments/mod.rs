@@ -80,6 +80,11 @@ pub(crate) struct MomentLevel {
     pub(crate) size: [u32; 2],
 }
 
+crate::gpu::reflection::same_as_wgsl!(
+    levels_are_the_shaders: MomentLevel as "MomentLevel" in ["depth_moments", "volumetric_obscurance areas"]
+    { offset, size }
+);
+
 /// Where the levels of a view lie in its buffer.
 pub(crate) fn levels(size: [u32; 2]) -> [MomentLevel; LEVELS as usize] {
     let mut offset = 0;
@@ -104,6 +109,11 @@ pub(crate) struct DepthMomentsParams {
     pub(crate) fine: MomentLevel,
     pub(crate) coarse: MomentLevel,
 }
+
+crate::gpu::reflection::same_as_wgsl!(
+    params_are_the_shaders: DepthMomentsParams as "Params" in ["depth_moments depth"]
+    { camera, forward, fine, coarse }
+);
 
 /// The pipelines: of the first level, and of the others.
 #[derive(Debug)]

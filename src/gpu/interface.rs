@@ -311,7 +311,7 @@ mod tests {
     use naga::{AddressSpace, ImageClass, ShaderStage, StorageAccess, TypeInner};
 
     use super::*;
-    use crate::{AmbientOcclusion, Channels, Effect, shaders};
+    use crate::{gpu::reflection::effects, shaders};
 
     /// The names of module scope that `f` is found to use.
     fn used(source: &str) -> Vec<String> {
@@ -428,19 +428,7 @@ mod tests {
     /// Variables, entry points and what these use, of each of the crate's modules.
     #[test]
     fn interfaces_are_those_that_naga_finds() {
-        let ao = AmbientOcclusion::default().effect();
-        let colored = Effect {
-            source: "
-                fn max_distance(s: Sender, e: f32) -> f32 { return s.radius / e; }
-                fn contribution(s: Sender, n: vec3f, to: vec3f, d2: f32) -> vec3f { return s.material.emission; }
-                fn resolve(sum: vec3f, albedo: vec3f) -> vec4f { return vec4f(sum * albedo, 1.0); }"
-                .into(),
-            channels: Channels::Three,
-            materials: true,
-            albedo: true,
-            ..ao.clone()
-        };
-        for effect in [ao, colored] {
+        for effect in effects() {
             for shader in shaders(&effect).expect("well-formed directives") {
                 let name = &shader.name;
                 let module = naga::front::wgsl::parse_str(&shader.source).expect("valid WGSL");

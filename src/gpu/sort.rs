@@ -18,6 +18,11 @@ const BLOCK: u32 = 1024;
 const DIGITS: u32 = 16;
 const DIGIT_BITS: u32 = 4;
 
+/// Bytes of a pair of key and value, an `Item`.
+const ITEM_BYTES: u64 = 8;
+
+crate::gpu::reflection::bytes_of_wgsl!(items_are_the_shaders: ITEM_BYTES, as "Item" in ["sort"]);
+
 const SOURCE: &str = include_str!("../../wgsl/sort.wgsl");
 
 const LABEL: &str = "deep-screen-space sort";
@@ -49,6 +54,11 @@ pub(crate) struct SortParams {
     pub(crate) blocks: u32,
     pub(crate) padding: [u32; 2],
 }
+
+crate::gpu::reflection::same_as_wgsl!(
+    params_are_the_shaders: SortParams as "Params" in ["sort"]
+    { shift, blocks }
+);
 
 impl Sort {
     pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
@@ -82,7 +92,7 @@ impl Sort {
         length: &Buffer,
     ) -> Result<SortBuffer, Error> {
         let blocks = capacity.div_ceil(BLOCK).max(1);
-        let bytes = 8 * u64::from(capacity);
+        let bytes = ITEM_BYTES * u64::from(capacity);
         let items = storage(device, label, bytes, BufferUsages::empty())?;
         let other = storage(device, label, bytes, BufferUsages::empty())?;
         let counts = self.scan.buffer(device, label, DIGITS * blocks)?;

@@ -29,6 +29,13 @@ pub struct HitResolverParams {
     pub(crate) spread: f32,
 }
 
+crate::gpu::reflection::same_as_wgsl!(
+    params_are_the_shaders: HitResolverParams as "Params" in ["hit_resolver occlusion average", "hit_resolver radiance average", "hit_resolver occlusion glossy average", "hit_resolver radiance glossy average"] {
+        camera, columns, rows, frame, words, radius, plane_distance, normal_power, variance_clamp, f0,
+        near_radius, falloff, per_hit_distance, damping, spread
+    }
+);
+
 /// Stands for infinity: such planes have no slope, and its square is finite in f32.
 const FLAT: f32 = 1e9;
 

@@ -28,6 +28,13 @@ pub(crate) struct EdgeParams {
     pub(crate) padding: [u32; 3],
 }
 
+crate::gpu::reflection::same_as_wgsl!(
+    edge_params_are_the_shaders: EdgeParams as "Params" in ["multi_res_mask edges"] {
+        gbuffer.camera, gbuffer.normals, gbuffer.depth_step, gbuffer.depth_relative, scale, slope,
+        normal_threshold, depth_threshold, shading_threshold, sources
+    }
+);
+
 impl EdgeParams {
     pub fn new(input: &MultiResMaskInput<'_>, settings: &MultiResMaskSettings) -> Self {
         // Smaller than the smallest normal number a driver may take a threshold for 0.
@@ -77,6 +84,11 @@ pub(crate) struct LevelParams {
     pub(crate) padding: [u32; 3],
     pub(crate) bell: [[f32; 4]; BLOCKS],
 }
+
+crate::gpu::reflection::same_as_wgsl!(
+    level_params_are_the_shaders: LevelParams as "Params" in ["multi_res_mask widen", "multi_res_mask list"]
+    { size, tiles, first_count, finer_by, reach, threshold, whole_from, bell }
+);
 
 /// Of every level that there is, from the finest on, with its number; `size` is the image's.
 pub(crate) fn levels(size: [u32; 2], settings: &MultiResMaskSettings) -> Vec<(u32, LevelParams)> {

@@ -19,6 +19,13 @@ pub(crate) struct MultiResReconstructorParams {
     pub(crate) padding: u32,
 }
 
+crate::gpu::reflection::same_as_wgsl!(
+    params_are_the_shaders: MultiResReconstructorParams as "Params" in ["multi_res_reconstructor", "multi_res_reconstructor blend"] {
+        gbuffer.camera, gbuffer.normals, gbuffer.depth_step, gbuffer.depth_relative, level, coarser, weight,
+        plane_distance, normal_power, has_own, whole_from
+    }
+);
+
 /// A bit for each level whose pixels about one are on its surface where the next finer level has nothing listed there: its
 /// blur reaches as far as they lie, and no edge was left out of it.
 pub(crate) fn alike(mask: &MultiResMaskSettings, has_importance: bool) -> u32 {

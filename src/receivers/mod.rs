@@ -156,6 +156,11 @@ pub(crate) struct ReceiversParams {
     pub(crate) depth_relative: f32,
 }
 
+crate::gpu::reflection::same_as_wgsl!(
+    params_are_the_shaders: ReceiversParams as "Params" in ["receivers"]
+    { camera, normals, depth_step, depth_relative }
+);
+
 impl ReceiversParams {
     /// `origin` is the eye that positions shall be relative to.
     pub fn new(gbuffer: &GBuffer<'_>, camera: &Camera, origin: DVec3) -> Self {
@@ -176,6 +181,11 @@ pub(crate) struct ListedReceiversParams {
     pub(crate) level: u32,
     padding: [u32; 3],
 }
+
+crate::gpu::reflection::same_as_wgsl!(
+    listed_params_are_the_shaders: ListedReceiversParams as "Params" in ["receivers list"]
+    { gbuffer.camera, gbuffer.normals, gbuffer.depth_step, gbuffer.depth_relative, level }
+);
 
 /// Decodes a G-buffer for the passes that start from the pixels' surfaces: splatting, rays, the hull, reflective shadow maps
 /// and temporal accumulation. One decoding per frame and view serves all of them.

@@ -18,6 +18,11 @@ pub struct ReconstructorParams {
     pub(crate) padding: [u32; 3],
 }
 
+crate::gpu::reflection::same_as_wgsl!(
+    params_are_the_shaders: ReconstructorParams as "Params" in ["reconstructor smooth", "reconstructor"]
+    { camera, levels, radius, plane_distance, normal_power, viewport, sub_image }
+);
+
 impl ReconstructorParams {
     pub fn new(settings: &ReconstructorSettings, frame: &Frame<'_>, splatted: &Splatted) -> Self {
         let &Splatted {

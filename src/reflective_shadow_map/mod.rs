@@ -73,6 +73,11 @@ pub(crate) struct ReflectiveShadowMapParams {
     pub(crate) light: LightParams,
 }
 
+crate::gpu::reflection::same_as_wgsl!(
+    params_are_the_shaders: ReflectiveShadowMapParams as "Params" in ["reflective_shadow_map"]
+    { camera, light }
+);
+
 impl<'a> ReflectiveShadowMapInput<'a> {
     /// Without timestamps.
     pub fn new(frame: &'a Frame<'a>, light: Light) -> Self {

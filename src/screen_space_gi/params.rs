@@ -16,6 +16,13 @@ pub(crate) struct ScreenSpaceGiParams {
     pub(crate) radius: f32,
 }
 
+crate::gpu::reflection::same_as_wgsl!(
+    params_are_the_shaders: ScreenSpaceGiParams as "Params" in ["screen_space_gi", "screen_space_gi list"] {
+        gbuffer.camera, gbuffer.normals, gbuffer.depth_step, gbuffer.depth_relative, project, level, samples,
+        turn, radius
+    }
+);
+
 impl ScreenSpaceGiParams {
     pub fn new(
         input: &ScreenSpaceGiInput<'_>,

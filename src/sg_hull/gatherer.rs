@@ -75,6 +75,11 @@ pub struct PolygonLight {
     pub blue: f32,
 }
 
+crate::gpu::reflection::same_as_wgsl!(
+    polygon_lights_are_the_shaders: PolygonLight as "PolygonLight" in ["sg_hull_gather polygons", "reflective_shadow_map"]
+    { a, red, b, green, c, blue }
+);
+
 impl Gatherer {
     pub(super) fn built_in(
         device: &Device,

@@ -27,6 +27,13 @@ pub struct SgHullParams {
     pub(crate) rays: RayParams,
 }
 
+crate::gpu::reflection::same_as_wgsl!(
+    params_are_the_shaders: SgHullParams as "Params" in ["sg_hull_segment", "sg_hull_plan", "sg_hull_gather", "sg_hull albedo", "sg_hull albedo glossy"] {
+        camera, along, capacity, grid, tiles, f0, texel, per_pixel_capacity, error_threshold, plane_distance,
+        gap, normal_cosine, quad, split_room, rays
+    }
+);
+
 impl SgHullParams {
     pub fn new(
         settings: &SgHullSettings,
@@ -78,6 +85,11 @@ pub struct HullSegment {
     pub padding: [u32; 3],
 }
 
+crate::gpu::reflection::same_as_wgsl!(
+    segments_are_the_shaders: HullSegment as "Segment" in ["sg_hull_segment", "sg_hull_plan", "sg_hull_gather", "sg_hull albedo", "sg_hull albedo glossy"]
+    { rect, nearest, farthest, anchor, normal, spread }
+);
+
 /// `HullVertex`: light that arrives at a corner of a segment's rectangle.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -103,6 +115,11 @@ pub struct HullVertex {
     /// 0.
     pub padding: u32,
 }
+
+crate::gpu::reflection::same_as_wgsl!(
+    vertices_are_the_shaders: HullVertex as "HullVertex" in ["sg_hull_place", "sg_hull_gather", "sg_hull_classify", "sg_hull albedo"]
+    { position, depth, red, green, blue, excess, owner, irradiance }
+);
 
 /// What a recording counted. The GPU writes it; the caller reads it when it likes.
 #[repr(C)]
@@ -137,6 +154,27 @@ pub struct SgHullCounts {
     /// 0.
     pub padding: [u32; 2],
 }
+
+crate::gpu::reflection::same_as_wgsl!(
+    counts_are_the_shaders: SgHullCounts as "Counters" in ["sg_hull_segment", "sg_hull_plan", "sg_hull_gather", "sg_hull albedo", "sg_hull albedo glossy"] {
+        segments, fallbacks, fallback_pixels, gathered, draw, rejected, per_pixel, mean_irradiance, splits,
+        points, parts, round
+    }
+);
+// Stages know those alone that they count, and add to them without waiting for each other.
+crate::gpu::reflection::same_as_wgsl!(
+    segmenting_counts: SgHullCounts [12] as "AtomicCounters" in ["sg_hull_segment"]
+    { segments, fallbacks, fallback_pixels }
+);
+crate::gpu::reflection::same_as_wgsl!(
+    placing_counts: SgHullCounts [32] as "PlaceCounters" in ["sg_hull_place"]
+    { segments, fallbacks, fallback_pixels, gathered, draw }
+);
+crate::gpu::reflection::same_as_wgsl!(
+    classifying_counts: SgHullCounts [48] as "ClassifyCounters" in ["sg_hull_classify"]
+    { segments, fallbacks, fallback_pixels, gathered, draw, rejected, per_pixel, mean_irradiance, splits }
+);
+crate::gpu::reflection::bytes_of_wgsl!(splitting_counts: size_of::<SgHullCounts>(), as "SplitCounters" in ["sg_hull_split"]);
 
 impl SgHullCounts {
     /// Segments that found no room.

@@ -67,6 +67,11 @@ pub(crate) struct SurfelGatherParams {
     pub(crate) places: [[u32; 4]; MAX_LEVELS as usize],
 }
 
+crate::gpu::reflection::same_as_wgsl!(
+    params_are_the_shaders: SurfelGatherParams as "SurfelParams" in ["sg_hull_gather surfels"]
+    { offset, stored, levels, unbounded, seed, world_radius, reach, places }
+);
+
 impl Gatherer {
     /// The surfels of a lit cloud, both sides of each, by point-to-disk form factors and without shadows: one bounce of what
     /// they send, as the splatter sums it. What lies behind other surfaces shines through them; a convex room is exact.

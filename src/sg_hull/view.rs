@@ -13,10 +13,16 @@ use crate::{
     receivers::check_view_size,
 };
 
-/// Bytes of `Split`, `Part` (`wgsl/common/sg_hull_split.wgsl`) and `RejectedQuad` (`wgsl/common/sg_hull.wgsl`).
-pub(crate) const SPLIT_BYTES: u64 = 240;
-pub(crate) const PART_BYTES: u64 = 80;
-pub(crate) const REJECTED_BYTES: u64 = 16;
+/// Bytes of `Gathering`, `Split`, `Part` (`wgsl/common/sg_hull_split.wgsl`) and `RejectedQuad` (`wgsl/common/sg_hull.wgsl`).
+const GATHERING_BYTES: u64 = 8;
+const SPLIT_BYTES: u64 = 240;
+const PART_BYTES: u64 = 80;
+const REJECTED_BYTES: u64 = 16;
+
+crate::gpu::reflection::bytes_of_wgsl!(gatherings_are_the_shaders: GATHERING_BYTES, as "Gathering" in ["sg_hull_place", "sg_hull_gather", "sg_hull_classify"]);
+crate::gpu::reflection::bytes_of_wgsl!(splits_are_the_shaders: SPLIT_BYTES, as "Split" in ["sg_hull_split", "sg_hull_gather", "sg_hull_classify"]);
+crate::gpu::reflection::bytes_of_wgsl!(parts_are_the_shaders: PART_BYTES, as "Part" in ["sg_hull_split", "sg_hull"]);
+crate::gpu::reflection::bytes_of_wgsl!(rejected_are_the_shaders: REJECTED_BYTES, as "RejectedQuad" in ["sg_hull_split", "sg_hull_classify"]);
 
 /// The buffers of one view.
 #[derive(Debug)]
@@ -69,7 +75,11 @@ impl SgHullView {
                 4 * capacity * size_of::<HullVertex>() as u64,
                 none,
             )?,
-            list: buffer("deep-screen-space hull list", 4 * capacity * 8, none)?,
+            list: buffer(
+                "deep-screen-space hull list",
+                4 * capacity * GATHERING_BYTES,
+                none,
+            )?,
             splits: buffer(
                 "deep-screen-space hull splits",
                 splits.max(1) * SPLIT_BYTES,

@@ -107,6 +107,11 @@ impl SurfelClusters {
     }
 }
 
+/// Bytes of a `Cluster` (`wgsl/common/cluster.wgsl`).
+const CLUSTER_BYTES: u64 = 32;
+
+crate::gpu::reflection::bytes_of_wgsl!(clusters_are_the_shaders: CLUSTER_BYTES, as "Cluster" in ["shell_splatter build", "shell_splatter splat", "sg_hull_gather surfels"]);
+
 /// Bytes of an indirect dispatch.
 const DISPATCH_BYTES: u64 = 12;
 
@@ -344,7 +349,7 @@ impl ShellSplatter {
             buffer: storage(
                 device,
                 "deep-screen-space surfel clusters",
-                count.max(1) * 32,
+                count.max(1) * CLUSTER_BYTES,
                 BufferUsages::empty(),
             )?,
             dispatches: storage(

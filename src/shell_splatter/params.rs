@@ -32,6 +32,13 @@ pub struct SplatParams {
     pub(crate) padding: u32,
 }
 
+crate::gpu::reflection::same_as_wgsl!(
+    params_are_the_shaders: SplatParams as "Params" in ["shell_splatter build", "shell_splatter splat"] {
+        size, sub_size, tiles, level, unbounded, epsilon, world_radius, seed, clusters, first_cluster, groups,
+        first_group
+    }
+);
+
 impl SplatParams {
     pub fn new(settings: &SplatSettings, level: u32, size: [u32; 2], place: LevelPlace) -> Self {
         let sub_size = size.map(|n| n.div_ceil(1 << level));

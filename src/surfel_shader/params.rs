@@ -20,6 +20,11 @@ pub(crate) struct SurfelShaderParams {
     pub(crate) padding: [u32; 2],
 }
 
+crate::gpu::reflection::same_as_wgsl!(
+    params_are_the_shaders: SurfelShaderParams as "Params" in ["surfel_shader shadow map samples"]
+    { light, first, splits }
+);
+
 impl SurfelShaderParams {
     /// Without a light, surfels are given their emission alone. `samples` is a power of two.
     pub fn new(light: Option<&Light>, cloud: &SurfelCloud, first: bool, samples: u32) -> Self {
@@ -45,6 +50,11 @@ pub(crate) struct ShadowCameraParams {
     pub(crate) padding: u32,
     pub(crate) tilt: [f32; 2],
 }
+
+crate::gpu::reflection::same_as_wgsl!(
+    shadow_cameras_are_the_shaders: ShadowCameraParams as "ShadowCamera" in ["surfel_shader shadow map samples"]
+    { clip, viewport, texel, depth_scale, per_w, perspective, far_depth, tilt }
+);
 
 impl ShadowCameraParams {
     fn new(camera: &Camera, origin: DVec3) -> Self {
@@ -91,6 +101,11 @@ pub(crate) struct ShadowParams {
     pub(crate) depth_step: f32,
     pub(crate) padding: f32,
 }
+
+crate::gpu::reflection::same_as_wgsl!(
+    shadows_are_the_shaders: ShadowParams as "Shadow" in ["surfel_shader shadow map samples", "soft_shadows"]
+    { cameras, count, bias, depth_step }
+);
 
 impl ShadowParams {
     /// In the eye space of `origin`.

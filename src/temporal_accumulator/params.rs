@@ -26,6 +26,13 @@ pub struct TemporalParams {
     pub(crate) padding: u32,
 }
 
+crate::gpu::reflection::same_as_wgsl!(
+    params_are_the_shaders: TemporalParams as "Params" in ["temporal_accumulator", "temporal_accumulator show"] {
+        previous, project, viewport, motion_scale, max_frames, depth_tolerance, normal_tolerance,
+        clip_deviations, still, forget, previous_origin
+    }
+);
+
 impl TemporalParams {
     /// With the previous camera comes the origin of its frame, from its focus. `motion_scale` takes a motion vector to a share of
     /// the viewport; `forget` drops the history.
