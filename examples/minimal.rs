@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let format = wgpu::TextureFormat::R8Unorm;
     let target = gpu.target(format, WIDTH, HEIGHT);
 
-    // Once a scene, and once a view and effect.
+    // Once per scene, and once per view and effect.
     let radius = scene.ao_radius;
     let effect = RayTracedEffect::AmbientOcclusion { radius };
     let mut traced = RayTracedScene::new(device, None)?;

@@ -2,8 +2,8 @@
 //! edge-on counts like what is seen (Nalbach, Ritschel and Seidel, *Deep Screen Space*, 2014, and *The Bounced Z-buffer for
 //! Indirect Visibility*, 2015).
 //!
-//! Most callers need two objects: a [`RayTracedScene`], and for each view and effect a [`RayTracedView`]. They are wired of passes that
-//! may be used by themselves, each of which records into the caller's encoder and owns only what it makes:
+//! Most callers need two objects: a [`RayTracedScene`], and for each view and effect a [`RayTracedView`]. They are wired of
+//! passes that may be used by themselves, each of which records into the caller's encoder and owns only what it makes:
 //!
 //! * [`GBufferDecoder`]: the caller's G-buffer, decoded once per frame and view into the [`Frame`] that passes start from.
 //! * [`Surfelizer`]: the caller's triangles become a [`SurfelCloud`], finer near the camera than far from it.
@@ -58,7 +58,7 @@
 //!     gbuffer: GBuffer<'_>,
 //!     target: &wgpu::Texture,
 //! ) -> Result<(), Error> {
-//!     // Once a scene, and once a view and effect. Occluders count up to 2 world units away.
+//!     // Once per scene, and once per view and effect. Occluders count up to 2 world units away.
 //!     let effect = RayTracedEffect::AmbientOcclusion { radius: 2.0 };
 //!     let format = wgpu::TextureFormat::R8Unorm;
 //!     let descriptor = RayTracedViewDescriptor::new(effect, Quality::Balanced, format);
@@ -76,8 +76,8 @@
 //! }
 //! ```
 //!
-//! `examples/minimal.rs` is the same as a program, and `examples/by_hand.rs` does it pass by pass. With the feature `reference` come the mirrors of all passes in `f64`
-//! and a ray tracer for the truth; with `scenes`, scenes made in code.
+//! `examples/minimal.rs` is the same as a program, and `examples/by_hand.rs` does it pass by pass. With the feature `reference`
+//! come the mirrors of all passes in `f64` and a ray tracer for the truth; with `scenes`, scenes made in code.
 
 #![deny(missing_docs)]
 

@@ -1,4 +1,4 @@
-//! Bind group layouts in one line a binding.
+//! Bind group layouts in one line per binding.
 
 use wgpu::{
     BindGroup, BindGroupEntry, BindGroupLayout, BindGroupLayoutEntry, BindingResource, BindingType,

@@ -36,7 +36,8 @@ pub enum RayTracedEffect {
         /// The distance beyond which nothing occludes, world units, ≥ 0; `f32::INFINITY` for none.
         radius: f32,
     },
-    /// Reflected radiance, W/(m² sr), of one diffuse bounce: albedo times what arrives from lit surfaces. The G-buffer has albedo.
+    /// Reflected radiance, W/(m² sr), of one diffuse bounce: albedo times what arrives from lit surfaces. The G-buffer has
+    /// albedo.
     IndirectDiffuse {
         /// What arrives from where nothing is, linear RGB, W/(m² sr).
         sky_radiance: [f32; 3],
@@ -133,9 +134,9 @@ impl<'a> RayTracedInput<'a> {
     }
 }
 
-/// Ambient occlusion or indirect light for one camera, by rays among a [`RayTracedScene`]'s triangles: the
-/// [`GBufferDecoder`], the [`BouncedZBuffer`], the [`HitResolver`] and, where frames are joined, the [`TemporalAccumulator`], with the
-/// textures that they need.
+/// Ambient occlusion or indirect light for one camera, by rays among a [`RayTracedScene`]'s triangles: the [`GBufferDecoder`],
+/// the [`BouncedZBuffer`], the [`HitResolver`] and, where frames are joined, the [`TemporalAccumulator`], with the textures that
+/// they need.
 ///
 /// Textures are made by the first recording, and made anew where the camera's viewport has another size.
 #[derive(Debug)]
@@ -253,9 +254,10 @@ impl RayTracedView {
     ///
     /// # Errors
     /// [`Error::Recording`] where the scene was not recorded; [`Error::Mismatch`] where positions of the scene are relative to
-    /// another point than the camera can be (see [`RayTracedScene`]), where light is asked for and the scene was recorded without lighting,
-    /// or where the G-buffer lacks the albedo or roughness that the effect needs; what [`GBuffer::validate`] finds;
-    /// [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target; [`Error::Limit`] for a viewport beyond the device's.
+    /// another point than the camera can be (see [`RayTracedScene`]), where light is asked for and the scene was recorded without
+    /// lighting, or where the G-buffer lacks the albedo or roughness that the effect needs; what [`GBuffer::validate`] finds;
+    /// [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target; [`Error::Limit`] for a viewport beyond the
+    /// device's.
     pub fn record(
         &mut self,
         device: &Device,
