@@ -1,10 +1,11 @@
 //! The hull against gathering the same 256 lights at every pixel, in one run.
 //!
-//! `cargo bench --bench sg_hull [-- WIDTHxHEIGHT …] [--scene NAME …]` prints a table and writes
-//! `target/bench/sg_hull.json`: rows of scene, width, height, `per_pixel_ms`, `hull_ms`, speedup, `rel_rmse`, energy,
-//! `ratio_p9999`, ssim, vertices, gathered (points that light is gathered at for quads and for their parts), splits, exact
-//! (the share of pixels that are gathered each for itself), uncovered, `fallback_pixels`. `--error-threshold X` sets the bound, `--runs N` of how
-//! many the best counts (2; one more goes first). Without sizes those of the paper are taken, 1280x720 to 3840x2400; a software driver needs minutes for the largest.
+//! `cargo bench --bench sg_hull [-- WIDTHxHEIGHT …] [--scene NAME …]` prints a table and writes `target/bench/sg_hull.json`: rows
+//! of scene, width, height, `per_pixel_ms`, `hull_ms`, speedup, `rel_rmse`, energy, `ratio_p9999`, ssim, vertices, gathered
+//! (points that light is gathered at for quads and for their parts), splits, exact (the share of pixels that are gathered each
+//! for itself), uncovered, `fallback_pixels`. `--error-threshold X` sets the bound, `--runs N` of how many the best counts (2;
+//! one more goes first). Without sizes those of the paper are taken, 1280x720 to 3840x2400; a software driver needs minutes for
+//! the largest.
 
 use std::{hint::black_box, path::Path, time::Instant};
 

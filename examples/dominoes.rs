@@ -64,7 +64,7 @@ struct Options {
     /// Size of the pictures in pixels, `WxH`.
     #[arg(long, default_value = "384x256", value_parser = arguments::parse_size)]
     size: [u32; 2],
-    /// Directions a pixel, of each of the two kinds.
+    /// Rays per pixel, of each of the two kinds.
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=64))]
     rays_per_pixel: u32,
     /// Half width of the window that shares hits, in pixels.
@@ -73,7 +73,7 @@ struct Options {
     /// How many frames to accumulate.
     #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=1 << 16))]
     frames: u32,
-    /// Directions a pixel in each of them.
+    /// Rays per pixel in each of them.
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=64))]
     frame_directions: u32,
     /// The same for the frames.
@@ -245,7 +245,7 @@ impl<'o> Studio<'o> {
         Ok(())
     }
 
-    /// Directly from the lamp, by a shadow ray a pixel, as an engine has it from its shadow map; the sky itself.
+    /// Directly from the lamp, by one shadow ray per pixel, as an engine has it from its shadow map; the sky itself.
     fn direct(&self, shot: &Shot) -> Picture {
         let materials = self.scene.triangle_materials();
         let f0 = Vec3::from(F0).as_dvec3();

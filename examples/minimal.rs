@@ -1,13 +1,11 @@
-//! The shortest whole wiring of ambient occlusion by rays into a frame: `cargo run --release --example minimal -- OUT.png`.
+//! Ambient occlusion by rays in a frame of an engine: `cargo run --release --example minimal -- OUT.png`.
 //!
-//! Pipelines once, room for a scene and a view once; then a frame is four recordings into the caller's encoder, and one
-//! submission. What an engine has anyway (a device, meshes in buffers, a G-buffer) comes from `examples/support`.
+//! Two objects, and two recordings per frame. What an engine has anyway (a device, meshes in buffers, a G-buffer) comes from
+//! `examples/support`.
 
 use deep_screen_space::{
-    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, BvhBuilder, Camera,
-    CloudCapacity, FrameInput, GBufferDecoder, Geometry, HitResolverInput, HitResolverSettings,
-    Primitives, Reach, SurfelCounts, Surfelizer, SurfelizerInput, SurfelizerSettings, Viewport,
-    scenes, wgpu,
+    Camera, Geometry, Quality, RayTracedEffect, RayTracedInput, RayTracedScene,
+    RayTracedSceneInput, RayTracedView, RayTracedViewDescriptor, Viewport, scenes, wgpu,
 };
 use support::{
     gpu::{Ask, Gpu},
@@ -41,79 +39,26 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let format = wgpu::TextureFormat::R8Unorm;
     let target = gpu.target(format, WIDTH, HEIGHT);
 
-    // Once: pipelines.
-    let decoder = GBufferDecoder::new(device, None)?;
-    let surfelizer = Surfelizer::new(device, None)?;
-    let builder = BvhBuilder::new(device, Primitives::Triangles, None)?;
-    let tracer = BouncedZBuffer::new(device, &BouncedDescriptor::default(), None)?;
-    let resolver = tracer.resolver(device, format, false, None)?;
+    // Once per scene, and once per view and effect.
+    let radius = scene.ao_radius;
+    let effect = RayTracedEffect::AmbientOcclusion { radius };
+    let mut traced = RayTracedScene::new(device, None)?;
+    let descriptor = RayTracedViewDescriptor::new(effect, Quality::Balanced, format);
+    let mut occlusion = RayTracedView::new(device, &descriptor)?;
 
-    // Once a scene: room for its triangles. Once a view: textures of its size.
-    let rays = BouncedSettings {
-        rays_per_pixel: 8,
-        radius: scene.ao_radius,
-        ..BouncedSettings::default()
-    };
-    let settings = SurfelizerSettings {
-        // Every triangle as it is, if a ray can reach it from what is seen.
-        density: f32::INFINITY,
-        reach: Reach {
-            radii: f32::INFINITY,
-            world: rays.radius,
-        },
-        ..SurfelizerSettings::default()
-    };
-    let capacity = CloudCapacity {
-        surfels: 0,
-        pieces: buffers.triangles() + 10_000,
-        triangles: buffers.triangles(),
-    };
-    let mut cloud = surfelizer.create_cloud(device, capacity)?;
-    let bvh = builder.create(device, &cloud)?;
-    let mut receivers = decoder.create_receivers(device, WIDTH, HEIGHT)?;
-    let hits = tracer.create_view(device, WIDTH, HEIGHT, rays.rays_per_pixel)?;
-    let scratch = resolver.create_view(device, &hits)?;
-
-    // Every frame: the triangles, relative to a point near what is seen …
+    // Every frame: the scene, once for all its views …
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    let input = SurfelizerInput {
-        geometry: Geometry { meshes: &meshes },
-        camera: &camera,
+    let input = RayTracedSceneInput {
         cull_by: &[camera],
-        timestamps: None,
+        reach: radius,
+        ..RayTracedSceneInput::new(Geometry { meshes: &meshes }, &camera)
     };
-    surfelizer.record(device, &mut encoder, &input, &settings, &mut cloud)?;
-    // … a hierarchy over them …
-    builder.record(device, &mut encoder, &cloud, &bvh, None)?;
-    // … what the pixels show, relative to the same point …
-    let input = FrameInput::new(drawn.gbuffer(), &camera);
-    let frame = decoder.record(device, &mut encoder, &input, &mut receivers)?;
-    // … rays from every pixel …
-    let input = BouncedInput::new(&frame, &cloud, &bvh);
-    tracer.record(device, &mut encoder, &input, &rays, &hits)?;
-    // … and the picture.
-    let input = HitResolverInput::new(&frame, &hits, target.texture());
-    let filter = HitResolverSettings::default();
-    resolver.record(device, &mut encoder, &input, &filter, &scratch)?;
-    // The counts are copied too: whether the triangles found room is known without waiting.
-    let counts = device.create_buffer(&wgpu::BufferDescriptor {
-        label: None,
-        size: cloud.counters().size(),
-        usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-        mapped_at_creation: false,
-    });
-    encoder.copy_buffer_to_buffer(cloud.counters(), 0, &counts, 0, None);
+    traced.record(device, &mut encoder, &input)?;
+    // … and each view's picture.
+    let input = RayTracedInput::new(drawn.gbuffer(), &camera, target.texture());
+    occlusion.record(device, &mut encoder, &traced, &input)?;
     gpu.queue.submit([encoder.finish()]);
 
-    // A frame or two later the counts are there. An engine polls without waiting; this one has nothing else to do.
-    counts.map_async(wgpu::MapMode::Read, .., |_| ());
-    device.poll(wgpu::PollType::wait_indefinitely())?;
-    let counts: SurfelCounts = bytemuck::pod_read_unaligned(&counts.get_mapped_range(..)?);
-    println!(
-        "{} triangles for rays; {:.2} % of the area found no room",
-        counts.pieces,
-        100.0 * counts.lost_area_share()
-    );
     let out = std::env::args().nth(1).unwrap_or("minimal.png".into());
     let pixels: Vec<u8> = gpu.read_texture(target.texture(), 0);
     image::save_buffer(out, &pixels, WIDTH, HEIGHT, image::ColorType::L8)?;

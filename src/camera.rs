@@ -172,6 +172,19 @@ impl Camera {
         Ok(camera)
     }
 
+    /// The same from plain arrays, column by column, for engines on another version of [`glam`], or on none.
+    ///
+    /// # Errors
+    /// As [`Camera::new`].
+    pub fn from_arrays(
+        view: [[f64; 4]; 4],
+        projection: [[f64; 4]; 4],
+        viewport: Viewport,
+    ) -> Result<Self, Error> {
+        let [view, projection] = [view, projection].map(|m| DMat4::from_cols_array_2d(&m));
+        Self::new(view, projection, viewport)
+    }
+
     /// A camera at `eye` that looks at `target`, right-handed (view space looks down −z).
     ///
     /// # Errors

@@ -2,8 +2,10 @@
 //! edge-on counts like what is seen (Nalbach, Ritschel and Seidel, *Deep Screen Space*, 2014, and *The Bounced Z-buffer for
 //! Indirect Visibility*, 2015).
 //!
-//! Passes, each of which records into the caller's encoder and owns only what it makes:
+//! Most callers need two objects: a [`RayTracedScene`], and for each view and effect a [`RayTracedView`]. They are wired of
+//! passes that may be used by themselves, each of which records into the caller's encoder and owns only what it makes:
 //!
+//! * [`GBufferDecoder`]: the caller's G-buffer, decoded once per frame and view into the [`Frame`] that passes start from.
 //! * [`Surfelizer`]: the caller's triangles become a [`SurfelCloud`], finer near the camera than far from it.
 //! * [`SurfelShader`]: what each surfel sends of the caller's [`Light`]s, for effects that bounce light.
 //! * [`ShellSplatter`]: sums over the surfels for every pixel of the caller's G-buffer, near ones at full resolution and
@@ -56,41 +58,26 @@
 //!     gbuffer: GBuffer<'_>,
 //!     target: &wgpu::Texture,
 //! ) -> Result<(), Error> {
-//!     // Once: pipelines.
-//!     let decoder = GBufferDecoder::new(device, None)?;
-//!     let surfelizer = Surfelizer::new(device, None)?;
-//!     let builder = BvhBuilder::new(device, Primitives::Triangles, None)?;
-//!     let tracer = BouncedZBuffer::new(device, &BouncedDescriptor::default(), None)?;
-//!     let resolver = tracer.resolver(device, wgpu::TextureFormat::R8Unorm, false, None)?;
+//!     // Once per scene, and once per view and effect. Occluders count up to 2 world units away.
+//!     let effect = RayTracedEffect::AmbientOcclusion { radius: 2.0 };
+//!     let format = wgpu::TextureFormat::R8Unorm;
+//!     let descriptor = RayTracedViewDescriptor::new(effect, Quality::Balanced, format);
+//!     let mut scene = RayTracedScene::new(device, None)?;
+//!     let mut occlusion = RayTracedView::new(device, &descriptor)?;
 //!
-//!     // Once a scene and a view: room. Occluders count up to 2 world units away.
-//!     let rays = BouncedSettings { rays_per_pixel: 8, radius: 2.0, ..Default::default() };
-//!     let reach = Reach { radii: f32::INFINITY, world: rays.radius };
-//!     let settings = SurfelizerSettings { density: f32::INFINITY, reach, ..Default::default() };
-//!     let geometry = Geometry { meshes };
-//!     let triangles = geometry.triangles();
-//!     let capacity = CloudCapacity { surfels: 0, pieces: triangles + 10_000, triangles };
-//!     let mut cloud = surfelizer.create_cloud(device, capacity)?;
-//!     let bvh = builder.create(device, &cloud)?;
-//!     let viewport = camera.viewport();
-//!     let mut receivers = decoder.create_receivers(device, viewport.width, viewport.height)?;
-//!     let hits = tracer.create_view(device, viewport.width, viewport.height, rays.rays_per_pixel)?;
-//!     let scratch = resolver.create_view(device, &hits)?;
-//!
-//!     // Every frame: five recordings.
-//!     let input = SurfelizerInput { geometry, camera, cull_by: &[*camera], timestamps: None };
-//!     surfelizer.record(device, encoder, &input, &settings, &mut cloud)?;
-//!     builder.record(device, encoder, &cloud, &bvh, None)?;
-//!     let input = FrameInput::new(gbuffer, camera);
-//!     let frame = decoder.record(device, encoder, &input, &mut receivers)?;
-//!     tracer.record(device, encoder, &BouncedInput::new(&frame, &cloud, &bvh), &rays, &hits)?;
-//!     let input = HitResolverInput::new(&frame, &hits, target);
-//!     resolver.record(device, encoder, &input, &Default::default(), &scratch)
+//!     // Every frame: the scene, for all its views, and each view's picture.
+//!     let input = RayTracedSceneInput {
+//!         cull_by: &[*camera],
+//!         reach: 2.0,
+//!         ..RayTracedSceneInput::new(Geometry { meshes }, camera)
+//!     };
+//!     scene.record(device, encoder, &input)?;
+//!     occlusion.record(device, encoder, &scene, &RayTracedInput::new(gbuffer, camera, target))
 //! }
 //! ```
 //!
-//! `examples/minimal.rs` is the same as a program. With the feature `reference` come the mirrors of all passes in `f64`
-//! and a ray tracer for the truth; with `scenes`, scenes made in code.
+//! `examples/minimal.rs` is the same as a program, and `examples/by_hand.rs` does it pass by pass. With the feature `reference`
+//! come the mirrors of all passes in `f64` and a ray tracer for the truth; with `scenes`, scenes made in code.
 
 #![deny(missing_docs)]
 
@@ -112,6 +99,7 @@ mod light;
 mod multi_res_mask;
 mod multi_res_reconstructor;
 mod overrides;
+mod ray_traced;
 mod receivers;
 mod reconstructor;
 mod recorded;
@@ -165,6 +153,11 @@ pub use multi_res_mask::{
 pub use multi_res_reconstructor::{
     MultiResReconstructor, MultiResReconstructorInput, SubImages,
     settings::MultiResReconstructorSettings,
+};
+pub use ray_traced::{
+    quality::{Quality, RaySettings, SplatQuality},
+    scene::{RayTracedScene, RayTracedSceneInput},
+    view::{RayTracedEffect, RayTracedInput, RayTracedView, RayTracedViewDescriptor},
 };
 pub use receivers::{Frame, FrameInput, GBufferDecoder, Receivers};
 pub use reconstructor::{

@@ -84,7 +84,7 @@ crate::gpu::reflection::same_as_wgsl!(
     { normal, piece, leaf, material }
 );
 
-/// What a surfel sends: 32 bytes each, one a surfel of a cloud. The [`SurfelShader`](crate::SurfelShader) fills a buffer
+/// What a surfel sends: 32 bytes each, one per surfel of a cloud. The [`SurfelShader`](crate::SurfelShader) fills a buffer
 /// of them; so may a caller that knows its surfaces' light from elsewhere.
 ///
 /// A Lambertian surface sends the same into all directions of a side. Its radiosity, W/m², is π times this.
@@ -315,7 +315,7 @@ impl SurfelCloud {
         &self.surfels
     }
 
-    /// A buffer of [`SurfelSource`]s, one a surfel (usages `STORAGE | COPY_SRC`).
+    /// A buffer of [`SurfelSource`]s, one per surfel (usages `STORAGE | COPY_SRC`).
     pub fn sources(&self) -> &Buffer {
         &self.sources
     }

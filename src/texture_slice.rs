@@ -15,7 +15,7 @@ use crate::{camera::Viewport, error::Error, gpu::made};
 /// with the one usage that they have for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TextureSlice<'a> {
-    /// A 2-D texture (arrays and cubes are 2-D textures with layers), one sample a pixel.
+    /// A 2-D texture (arrays and cubes are 2-D textures with layers), one sample per pixel.
     pub texture: &'a Texture,
     /// The mip level, 0 for the whole size. Sizes that passes ask for are those of this level.
     pub mip: u32,
@@ -127,7 +127,7 @@ impl<'a> TextureSlice<'a> {
     }
 }
 
-/// Checks that a slice is there, has one sample a pixel and a usage, and covers a viewport.
+/// Checks that a slice is there, has one sample per pixel and a usage, and covers a viewport.
 pub(crate) fn check_slice(
     name: &'static str,
     slice: &TextureSlice<'_>,
@@ -142,7 +142,7 @@ pub(crate) fn check_slice(
     Ok(())
 }
 
-/// Checks that so many layers from a slice on are there, have one sample a pixel and a usage.
+/// Checks that so many layers from a slice on are there, have one sample per pixel and a usage.
 pub(crate) fn check_layers(
     name: &'static str,
     slice: &TextureSlice<'_>,
@@ -164,7 +164,7 @@ pub(crate) fn check_layers(
                 texture.dimension(),
                 texture.sample_count()
             ),
-            "a 2-D texture with one sample a pixel",
+            "a 2-D texture with one sample per pixel",
         );
     }
     if slice.mip >= texture.mip_level_count() {

@@ -3,10 +3,11 @@
 //!
 //! But for lavapipe of Mesa 22.3. It puts the values of uniforms that branches and loops depend on into a copy of the shader at
 //! each dispatch and, where less than half of the shader is left, keeps the copy until the pipeline is dropped. `keeps_copies` is
-//! the smallest program that shows it, without this crate: 0.13 MB a dispatch. Passes whose loops end at a setting grow by
+//! the smallest program that shows it, without this crate: 0.13 MB per dispatch. Passes whose loops end at a setting grow by
 //! as much there, by each recording, whether anything is made anew or not. What is told of them is then not held against them.
 //!
-//! `DSS_SOAK_CYCLES` is how many cycles each pass has, and `DSS_SOAK_PASS` the name of the one pass to run. Linux alone tells how much memory a process has.
+//! `DSS_SOAK_CYCLES` is how many cycles each pass has, and `DSS_SOAK_PASS` the name of the one pass to run. Linux alone tells how
+//! much memory a process has.
 #![cfg(target_os = "linux")]
 
 use deep_screen_space::{

@@ -210,7 +210,7 @@ fn make_node(task: Task, level: u32, end: u32) {
     exponent_above((own.high.z - own.low.z) / 254.0),
   );
   let step = bitcast<vec3f>(exponents << vec3u(23u));
-  // A word a plane of four children; no ray meets a child that is missing.
+  // One word per plane of four children; no ray meets a child that is missing.
   var low_words: array<vec3u, 2>;
   var high_words: array<vec3u, 2>;
   for (var half = 0u; half < 2u; half++) {

@@ -1,8 +1,8 @@
 // Bvh, first stage: primitives are put in an order of space.
 //
 //   plan       one workgroup: how many workgroups the others need
-//   measure    a thread a primitive: bounds of the centres
-//   make_keys  a thread a primitive: its place along a Morton curve
+//   measure    one thread per primitive: bounds of the centres
+//   make_keys  one thread per primitive: its place along a Morton curve
 //   (sort)
 
 #import math
@@ -30,7 +30,7 @@ struct Params {
 @group(0) @binding(1) var<storage, read> counters: Counters;
 @group(0) @binding(2) var<storage, read> pieces: array<Piece>;
 @group(0) @binding(3) var<storage, read_write> state: State;
-// Indirect dispatches: one with a thread a primitive, then one a level of clustering.
+// Indirect dispatches: one with one thread per primitive, then one per level of clustering.
 @group(0) @binding(4) var<storage, read_write> dispatches: array<u32>;
 // Pairs of a key and a primitive.
 @group(0) @binding(5) var<storage, read_write> items: array<vec2u>;

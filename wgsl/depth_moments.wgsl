@@ -1,5 +1,5 @@
-// Moments of view depth, counted from the camera's focus, over squares of 2 x 2, 4 x 4 ... pixels: what area samples of volumetric obscurance read
-// (Volumetric Obscurance 4.2; wgsl/common/moments.wgsl).
+// Moments of view depth, counted from the camera's focus, over squares of 2 x 2, 4 x 4 ... pixels: what area samples of
+// volumetric obscurance read (Volumetric Obscurance 4.2; wgsl/common/moments.wgsl).
 //
 // With DEPTH the first level is made of the depth buffer, without it each further one of that before.
 //

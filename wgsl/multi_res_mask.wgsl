@@ -5,7 +5,7 @@
 // Edges and masks are textures of 8 bits per pixel with a texel for a block of 2 x 2 pixels: a fragment has a block, and
 // what it reads for one of its pixels serves the others. A component whose pixel is beyond the image is 0.
 //
-//   find_edges  fragment: one value a pixel, 0 to 1
+//   find_edges  fragment: one value per pixel, 0 to 1
 //   coarsen     fragment: of the next finer level's edges the maxima over 2 x 2 pixels
 //   widen       fragment: of one level, the edges blurred, and the finer level's mask
 //   count       of one level: listed pixels of each tile of 8 x 8, those whose image counts alone and those that are blended
@@ -204,7 +204,7 @@ struct Params {
   // Of the level, pixels.
   size: vec2u,
   tiles: vec2u,
-  // The level's first count among those of all levels: one a tile of whole pixels, then one a tile of blended ones.
+  // The level's first count among those of all levels: one per tile of whole pixels, then one per tile of blended ones.
   first_count: u32,
   // By how many levels the finer one that is contained in this one is finer; 0 where there is none.
   finer_by: u32,

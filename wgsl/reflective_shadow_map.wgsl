@@ -1,4 +1,4 @@
-// What a light's own camera sees as triangles that send light on (src/reflective_shadow_map): one a texel, with the
+// What a light's own camera sees as triangles that send light on (src/reflective_shadow_map): one per texel, with the
 // texel's area on its surface and its middle. Texels without a surface, or that the light does not reach, are black.
 //
 // @group(0) @binding(0) params, 1 receivers, 2 albedo, 3 lights

@@ -4,7 +4,7 @@
 // Saturating addition of non-negative numbers is associative, so the order of the tree does not matter.
 //
 // @group(0) @binding(0) values: scanned in place
-// @group(0) @binding(1) totals: one a block
+// @group(0) @binding(1) totals: one per block
 
 @group(0) @binding(0) var<storage, read_write> values: array<u32>;
 @group(0) @binding(1) var<storage, read_write> totals: array<u32>;

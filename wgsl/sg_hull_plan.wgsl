@@ -23,13 +23,13 @@ fn plan_vertices() {
   dispatch = groups_of(4u * count, 64u);
 }
 
-// A thread a vertex that light is gathered at.
+// One thread per vertex that light is gathered at.
 @compute @workgroup_size(1)
 fn plan_gather() {
   dispatch = groups_of(counters.gathered, 64u);
 }
 
-// A thread a quad.
+// One thread per quad.
 @compute @workgroup_size(1)
 fn plan_classify() {
   dispatch = groups_of(counters.draw.y, 64u);

@@ -3,7 +3,7 @@
 // On level l a surfel affects the pixels of one of 4^l sub-buffers that lie in a shell about it, and stands there for
 // the 4^l surfels that other sub-buffers got. Shells of successive levels double and are disjoint.
 //
-// Gathered by tile rather than blended by raster: sums stay in f32 registers, in a fixed order, with one write a pixel.
+// Gathered by tile rather than blended by raster: sums stay in f32 registers, in a fixed order, with one write per pixel.
 // Surfels are in order of emission and so near their neighbours; 16 successive ones of a sub-buffer form a cluster and
 // 64 clusters a group, each with bounds, which a tile tests before it loads a surfel.
 //
@@ -11,7 +11,7 @@
 //   build_clusters  one thread per cluster
 //   build_groups    a thread a group
 //   splat           one workgroup per tile of 32x16 pixels of a sub-buffer: 8 units of 8x8, 8 threads a unit, 8 pixels a
-//                   thread. A surfel is loaded once a tile and tested against each unit's bounds.
+//                   thread. A surfel is loaded once per tile and tested against each unit's bounds.
 
 #import math
 #import packing
@@ -68,7 +68,7 @@ struct Params {
 @group(0) @binding(7) var<storage, read> materials: array<Material>;
 #endif
 #if STATISTICS
-// A row of four a level: pairs evaluated, in their shell, contributing, and unused.
+// A row of four per level: pairs evaluated, in their shell, contributing, and unused.
 @group(0) @binding(8) var<storage, read_write> statistics: array<atomic<u32>>;
 #endif
 

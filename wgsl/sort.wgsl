@@ -26,7 +26,7 @@ struct Item {
 @group(0) @binding(1) var<storage, read> length: array<u32>;
 @group(0) @binding(2) var<storage, read> unsorted: array<Item>;
 @group(0) @binding(3) var<storage, read_write> sorted: array<Item>;
-// Digit by digit, a count a block.
+// Digit by digit, one count per block.
 @group(0) @binding(4) var<storage, read_write> counts: array<u32>;
 
 const DIGITS: u32 = 16u;

@@ -5,8 +5,8 @@
 //
 // Surfaces are Lambertian and two-sided. A light is on one side of a surfel's plane, and lights that side alone.
 //
-// Variants: SHADOW_MAP looks shadows up in the caller's depth maps, SHADOW_TRACED along a ray; SAMPLES lights a surfel at several points of its own
-// triangle, so that the edge of a shadow that crosses it is averaged.
+// Variants: SHADOW_MAP looks shadows up in the caller's depth maps, SHADOW_TRACED along a ray; SAMPLES lights a surfel at several
+// points of its own triangle, so that the edge of a shadow that crosses it is averaged.
 
 #import math
 #import packing

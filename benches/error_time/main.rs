@@ -1,13 +1,13 @@
 //! Error against time of ambient occlusion and of indirect light, method by method and a knob at a time:
 //! `cargo bench --bench error_time`.
 //!
-//! Renders one view of each of the crate's scenes, within the scene's radius and without one: by splatting with the
-//! preset `balanced`, with one setting after the other turned away from it, by the bounced z-buffer likewise, and by what a
-//! depth buffer alone allows, with ever more slices and taps. Errors are against rays traced through the same pixels, with the rays' own noise taken
-//! out. Times are wall clock, one submission per pass, the fastest of a few runs; they count only beside each other, so every
-//! one is given as a ratio to `balanced` in the same view too. Each row's `work` is the part of the cost that is the same
-//! on every machine: for splatting the surfel-pixel pairs that were evaluated, for the bounced z-buffer the bounds and runs
-//! of triangles that rays were tested against.
+//! Renders one view of each of the crate's scenes, within the scene's radius and without one: by splatting with the preset
+//! `balanced`, with one setting after the other turned away from it, by the bounced z-buffer likewise, and by what a depth buffer
+//! alone allows, with ever more slices and taps. Errors are against rays traced through the same pixels, with the rays' own noise
+//! taken out. Times are wall clock, one submission per pass, the fastest of a few runs; they count only beside each other, so
+//! every one is given as a ratio to `balanced` in the same view too. Each row's `work` is the part of the cost that is the same
+//! on every machine: for splatting the surfel-pixel pairs that were evaluated, for the bounced z-buffer the bounds and runs of
+//! triangles that rays were tested against.
 //!
 //! `depth_alone_rmse` is what exact rays find against the surface that the pixels themselves form, with nothing behind it.
 //! It bounds no method that guesses what is behind: horizons take all of it for solid, and are right where it is.
@@ -18,7 +18,7 @@
 //!
 //! Prints a table and writes the same rows to `target/bench/error-time.json` and `target/bench/error-time.csv` (in JSON, null is
 //! infinity), and pictures of means over scenes: `error-time-radius.png` and `error-time-unbounded.png`, one line per method,
-//! `error-time-light.png` for light, and `error-time-settings.png`, a line a knob of the splatter.
+//! `error-time-light.png` for light, and `error-time-settings.png`, one line per knob of the splatter.
 
 mod bounced;
 mod canvas;
@@ -48,7 +48,7 @@ use table::Row;
 #[derive(Parser)]
 #[command(about)]
 struct Options {
-    /// Two scenes, small pictures, fewer rays and one run a setting: to see that it works.
+    /// Two scenes, small pictures, fewer rays and one run per setting: to see that it works.
     #[arg(long)]
     quick: bool,
     /// One of the crate's scenes in place of all.

@@ -12,8 +12,8 @@ use super::{
 /// The knob that each method's line in the comparison of methods turns: all of its settings from cheap to dear together.
 pub const QUALITY: &str = "quality";
 
-/// A way from a view to its visibility or indirect light. Another method is one more implementation, and one more line where the methods are
-/// measured in `main.rs`.
+/// A way from a view to its visibility or indirect light. Another method is one more implementation, and one more line where the
+/// methods are measured in `main.rs`.
 pub trait Method {
     /// Everything that can be set.
     type Setting: Copy + Debug;
@@ -45,7 +45,7 @@ pub struct Variant<S> {
 pub struct Shot {
     /// What the effect is measured in: visibility, 1 = open, or luminance over the picture's mean. Rows from the top.
     pub values: Vec<f32>,
-    /// A name and milliseconds of wall clock a pass.
+    /// A name and milliseconds of wall clock per pass.
     pub passes: Vec<(&'static str, f64)>,
     /// What the reader must know of this picture, if anything.
     pub note: Option<&'static str>,

@@ -171,7 +171,7 @@ impl Method for Splat {
             .statistics()
             .ok_or("nothing was counted")?;
         let counts: Vec<u32> = stage.gpu.read_buffer(counted);
-        // Rows of four a level, the pairs evaluated first.
+        // Rows of four per level, the pairs evaluated first.
         let pairs: u32 = counts.iter().step_by(4).sum();
         Ok(json!({
             "surfels": rendered.counts.stored,

@@ -20,7 +20,7 @@ use obvhs::{
 };
 use rayon::prelude::*;
 
-/// The tree, of nodes of eight children with 8 bits a plane.
+/// The tree, of nodes of eight children with 8 bits per plane.
 pub struct Best {
     tree: CwBvh,
     triangles: Vec<Triangle>,

@@ -82,7 +82,7 @@ pub(crate) struct Options {
     /// inf for a file. Light comes from any distance.
     #[arg(long, value_parser = view::parse_radius, allow_negative_numbers = true)]
     radius: Option<f32>,
-    /// Directions a pixel in place of the preset's, and the filter that suits them, for the bounced z-buffer.
+    /// Rays per pixel in place of the preset's, and the filter that suits them, for the bounced z-buffer.
     #[arg(long)]
     rays_per_pixel: Option<u32>,
     /// Half width of the filter's window in pixels in place of what suits the number of rays, for the bounced z-buffer.

@@ -67,8 +67,8 @@ impl TracedScene {
                 .map_or(0, |l| l.radiance.size())
     }
 
-    /// Makes pieces and the hierarchy over them and, where they are to shine, lights `samples` points of each surfel; a submission a
-    /// pass.
+    /// Makes pieces and the hierarchy over them and, where they are to shine, lights `samples` points of each surfel; a
+    /// submission a pass.
     pub fn update(
         &mut self,
         gpu: &Gpu,
@@ -239,7 +239,7 @@ pub struct BouncedRenderer {
 pub struct Picture {
     /// Visibility in all channels (1 = open), or radiance.
     pub pixels: Vec<[f32; 4]>,
-    /// A name and milliseconds of wall clock a pass.
+    /// A name and milliseconds of wall clock per pass.
     pub passes: Vec<Timed>,
     pub counts: SurfelCounts,
 }

@@ -12,9 +12,9 @@ pub enum Payload {
     #[default]
     Occlusion,
     /// The radiance that the surfel which it belongs to sends towards the pixel: four bytes per direction. A
-    /// [`SurfelShader`](crate::SurfelShader) or the caller lit the surfels: any radiance and any shadows, once a surfel, however
-    /// many hits. As fine as surfels are: an edge of light or shadow that crosses one is lost, which shows where a surface lies close
-    /// beside it.
+    /// [`SurfelShader`](crate::SurfelShader) or the caller lit the surfels: any radiance and any shadows, once per surfel,
+    /// however many hits. As fine as surfels are: an edge of light or shadow that crosses one is lost, which shows where a
+    /// surface lies close beside it.
     Radiance,
     /// The radiance that the hit itself sends, lit by a ray to each light through the same hierarchy: exact, and no surfel is
     /// needed (a cloud with a capacity of 0 surfels does). Four bytes per direction; costs a ray per hit and light. Not with
@@ -46,8 +46,8 @@ pub enum HitRadiance<'a> {
     #[default]
     None,
     /// For [`Payload::Radiance`] a storage buffer of a [`SurfelRadiance`](crate::SurfelRadiance) for each surfel of the cloud, as
-    /// the [`SurfelShader`](crate::SurfelShader) or the caller fills it. What is not a number or negative counts as 0, and what is above
-    /// 1e30 as that.
+    /// the [`SurfelShader`](crate::SurfelShader) or the caller fills it. What is not a number or negative counts as 0, and what
+    /// is above 1e30 as that.
     Surfels(&'a Buffer),
     /// For [`Payload::LitRadiance`] lights and materials.
     Lit(HitLighting<'a>),

@@ -57,8 +57,9 @@ pub struct BouncedInput<'a> {
     /// The pixels that rays start from, relative to the cloud's origin; its camera may be another than the cloud's (stereo,
     /// split screen). With [`Sampling::Glossy`] its G-buffer has roughness.
     pub frame: &'a Frame<'a>,
-    /// The cloud whose pieces or surfels rays meet. Recorded with [`SurfelizerSettings::density`](crate::SurfelizerSettings::density)
-    /// at infinity its pieces are the caller's triangles, and hits are exact.
+    /// The cloud whose pieces or surfels rays meet. Recorded with
+    /// [`SurfelizerSettings::density`](crate::SurfelizerSettings::density) at infinity its pieces are the caller's triangles, and
+    /// hits are exact.
     pub cloud: &'a SurfelCloud,
     /// The hierarchy over the cloud's pieces or surfels, recorded since the cloud was.
     pub bvh: &'a Bvh,
@@ -191,10 +192,10 @@ impl BouncedZBuffer {
     /// # Errors
     /// What [`BouncedSettings::validate`] and, for lights, [`Light::validate`](crate::Light::validate) find; [`Error::Mismatch`]
     /// where the frame has another origin than the cloud, the view was made for another descriptor or size or for fewer rays, the
-    /// hierarchy for another cloud's capacity, the radiance is none that the payload takes, or the G-buffer lacks the roughness that
-    /// glossy rays need; [`Error::Recording`] where the hierarchy was not recorded from this cloud, since that was; [`Error::Buffer`]
-    /// for radiance that is too small, or for materials; [`Error::Setting`] for too many lights, and where radiance of pieces is asked
-    /// for and the surfels are not leaves of them ([`Placement::Grid`] and [`Placement::Random`]).
+    /// hierarchy for another cloud's capacity, the radiance is none that the payload takes, or the G-buffer lacks the roughness
+    /// that glossy rays need; [`Error::Recording`] where the hierarchy was not recorded from this cloud, since that was;
+    /// [`Error::Buffer`] for radiance that is too small, or for materials; [`Error::Setting`] for too many lights, and where
+    /// radiance of pieces is asked for and the surfels are not leaves of them ([`Placement::Grid`] and [`Placement::Random`]).
     pub fn record(
         &self,
         device: &Device,

@@ -98,7 +98,7 @@ impl DiskSettings {
 /// Settings of the [`BouncedZBuffer`](crate::BouncedZBuffer).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BouncedSettings {
-    /// Directions a pixel, 0…64. Noise falls with the root of their number times that of the pixels that the
+    /// Rays per pixel, 0…64. Noise falls with the root of their number times that of the pixels that the
     /// Reconstructor gathers, and somewhat faster, since both are stratified; the time to trace grows with it. Numbers
     /// with two nearly equal factors are stratified best: 4, 6, 9, 12, 16, 20, 25, 36, 49, 64. With 0 nothing is
     /// traced and everything is open and dark. Default 16.

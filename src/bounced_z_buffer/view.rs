@@ -52,8 +52,8 @@ impl BouncedView {
         self.rays_per_pixel
     }
 
-    /// With [`Payload::Occlusion`](crate::Payload::Occlusion) the hits: for each pixel, rows from the top, as many words as the recording's
-    /// directions fill, 32 each; bit i of them is set where direction i was blocked (usages `STORAGE | COPY_SRC`).
+    /// With [`Payload::Occlusion`](crate::Payload::Occlusion) the hits: for each pixel, rows from the top, as many words as the
+    /// recording's directions fill, 32 each; bit i of them is set where direction i was blocked (usages `STORAGE | COPY_SRC`).
     pub fn blocked(&self) -> Option<&Buffer> {
         match &self.hits {
             Hits::Bits(buffer) => Some(buffer),
@@ -61,9 +61,9 @@ impl BouncedView {
         }
     }
 
-    /// With [`Payload::Radiance`](crate::Payload::Radiance) the hits: an `R32Uint` array texture with one layer per direction, of what arrives along
-    /// it: 8 bits each of red, green and blue times 2^(e − 136), e being the highest 8 bits; 0 where nothing does (usages
-    /// `TEXTURE_BINDING | COPY_SRC`).
+    /// With [`Payload::Radiance`](crate::Payload::Radiance) the hits: an `R32Uint` array texture with one layer per direction, of
+    /// what arrives along it: 8 bits each of red, green and blue times 2^(e − 136), e being the highest 8 bits; 0 where nothing
+    /// does (usages `TEXTURE_BINDING | COPY_SRC`).
     pub fn radiance(&self) -> Option<&TextureView> {
         match &self.hits {
             Hits::Bits(_) => None,

@@ -65,7 +65,7 @@ impl DepthMoments {
         &self.buffer
     }
 
-    /// GPU memory that it owns, bytes: about 5 a pixel.
+    /// GPU memory that it owns, bytes: about 5 per pixel.
     pub fn memory_bytes(&self) -> u64 {
         self.buffer.size()
     }

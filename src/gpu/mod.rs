@@ -62,7 +62,7 @@ pub(crate) fn check_timestamps(timestamps: Option<Timestamps<'_>>) -> Result<(),
     )
 }
 
-/// Invocations a workgroup in every kernel that has no reason for another number.
+/// Invocations per workgroup in every kernel that has no reason for another number.
 pub(crate) const WORKGROUP: u32 = 64;
 
 /// A dispatch dimension ends at 65535; larger counts wrap into rows of this many workgroups, and kernels recover a

@@ -16,10 +16,10 @@ pub struct HitResolverSettings {
     /// the smaller counts; what is not hit is infinitely far), above 0; infinity for no such test. What two points see differs
     /// by how far they are apart in this measure. Smaller keeps contacts sharper, and leaves more noise there. Default 0.8.
     pub hit_distances: f32,
-    /// How far slopes are mistrusted, 0.01 to infinity: the picture is the value at the pixel of a plane fitted to the window, over
-    /// coordinates of which one is as long as `spread`, or the window where that is narrower, and this is added to their
-    /// variance. Smaller follows what changes steadily, up to the edges of surfaces, and leaves more noise there; infinity
-    /// takes the window's mean. Default 0.2.
+    /// How far slopes are mistrusted, 0.01 to infinity: the picture is the value at the pixel of a plane fitted to the window,
+    /// over coordinates of which one is as long as `spread`, or the window where that is narrower, and this is added to their
+    /// variance. Smaller follows what changes steadily, up to the edges of surfaces, and leaves more noise there; infinity takes
+    /// the window's mean. Default 0.2.
     pub damping: f32,
     /// How far a neighbour may lie off the pixel's tangent plane, and the pixel off the neighbour's, to count, in pixels
     /// at the pixel's distance, above 0. Smaller keeps finer relief, and leaves more noise on it. Default 2.

@@ -41,7 +41,7 @@ const LABEL: &str = "deep-screen-space multi-resolution mask";
 /// them at 1/2, 1/4 and 1/8. What is listed on one level is listed on all coarser ones too, and the coarsest has
 /// everything, so that no pixel is without a value.
 ///
-/// An effect then computes the [`PixelList`](crate::PixelList)s, one recording a level, and the
+/// An effect then computes the [`PixelList`](crate::PixelList)s, one recording per level, and the
 /// [`MultiResReconstructor`](crate::MultiResReconstructor) makes one image of the sub-images. Nothing is read back.
 ///
 /// A fragment finds the edges of 2 × 2 pixels, for which it reads 12 of the G-buffer; all else is of 8 bits per pixel, or of

@@ -138,7 +138,7 @@ fn bell(level: MultiResLevel) -> [[f32; 4]; BLOCKS] {
     blocks
 }
 
-/// Counts of all levels that there can be: two a tile of 8 × 8 pixels.
+/// Counts of all levels that there can be: two per tile of 8 × 8 pixels.
 pub(crate) fn all_counts(size: [u32; 2]) -> u32 {
     (0..LEVELS)
         .map(|level| {

@@ -15,7 +15,8 @@ pub struct MultiResLevel {
     /// `⌈2σ⌉` pixels, and so does what an edge makes listed. Of the coarsest level it has no meaning: all of it is listed.
     pub variance: f32,
     /// What the mask, of steps of 1/255, is multiplied by to give the level's share in the blend, ≥ 0; from 255 to
-    /// `f32::INFINITY` nothing is blended: where a level is listed its image counts alone. Of the coarsest level it has no meaning.
+    /// `f32::INFINITY` nothing is blended: where a level is listed its image counts alone. Of the coarsest level it has no
+    /// meaning.
     pub weight: f32,
     /// A blurred edge up to this is none, 0…1. The paper's, and the default, is 0.
     pub threshold: f32,

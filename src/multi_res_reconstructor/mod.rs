@@ -43,8 +43,8 @@ const LABEL: &str = "deep-screen-space multi-resolution reconstructor";
 ///
 /// A value that is not finite counts as not computed.
 ///
-/// Surfaces are compared for those listed pixels alone that are blended of two levels, where that level's blur reaches as far as the next coarser
-/// level's pixels lie, thresholds are 0 and no importance was given: all presets but the finest level of
+/// Surfaces are compared for those listed pixels alone that are blended of two levels, where that level's blur reaches as far as
+/// the next coarser level's pixels lie, thresholds are 0 and no importance was given: all presets but the finest level of
 /// [`MultiResMaskSettings::INDIRECT`]. Elsewhere they are for each pixel.
 ///
 /// Holds pipelines only, for one number of channels and one target format; one serves any number of views.

@@ -266,7 +266,8 @@ impl Tracing<'_> {
             .collect()
     }
 
-    /// The same with [`Payload::LitRadiance`](crate::Payload::LitRadiance): colours not yet packed. `lights` are in the cloud's space.
+    /// The same with [`Payload::LitRadiance`](crate::Payload::LitRadiance): colours not yet packed. `lights` are in the cloud's
+    /// space.
     pub fn lit(&self, materials: &[Material], lights: &[Light]) -> Vec<DVec3> {
         self.rays()
             .par_iter()

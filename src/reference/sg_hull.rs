@@ -259,8 +259,8 @@ impl Hull<'_> {
         Some((base + direction * depth.clamp(nearest, farthest), normal))
     }
 
-    /// What becomes of a part that does not fit: parts that do, and rectangles whose pixels are gathered each for itself. `gather` is
-    /// irradiance at a point relative to the eye, for a normal; `bound` is [`SgHullSettings::error_threshold`].
+    /// What becomes of a part that does not fit: parts that do, and rectangles whose pixels are gathered each for itself.
+    /// `gather` is irradiance at a point relative to the eye, for a normal; `bound` is [`SgHullSettings::error_threshold`].
     pub fn split(
         &self,
         (segment, id, segment_of): (&HullSegment, u32, &[u32]),

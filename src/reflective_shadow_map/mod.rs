@@ -27,7 +27,7 @@ const SOURCE: &str = include_str!("../../wgsl/reflective_shadow_map.wgsl");
 
 const LABEL: &str = "deep-screen-space reflective shadow map";
 
-/// Turns the G-buffer of a light's camera into [`PolygonLight`]s, one a texel: the first bounce of that light, for
+/// Turns the G-buffer of a light's camera into [`PolygonLight`]s, one per texel: the first bounce of that light, for
 /// [`Gatherer::bind_map`](crate::Gatherer::bind_map). 16 × 16 texels are a usual size.
 #[derive(Debug)]
 pub struct ReflectiveShadowMap {
@@ -114,7 +114,7 @@ impl ReflectiveShadowMap {
         })
     }
 
-    /// Room for a map of `width` × `height` texels, 1 to 1024 a side.
+    /// Room for a map of `width` × `height` texels, 1 to 1024 per side.
     ///
     /// # Errors
     /// [`Error::Setting`] for a size out of range, [`Error::Limit`] for one beyond the device's.

@@ -35,9 +35,9 @@ const LABEL: &str = "deep-screen-space gatherer";
 /// fn gather(position: vec3f, normal: vec3f, lane: u32, lanes: u32) -> Lobes
 /// ```
 ///
-/// `position` is relative to [`FrameInput::origin`](crate::FrameInput::origin), with axes of the world. `add_light(lobes,
-/// normal, direction, irradiance)` adds light from one direction, `add_moments(lobes, normal, moments, radiance)` that of a source with
-/// extent. Light that is not finite counts for nothing.
+/// `position` is relative to [`FrameInput::origin`](crate::FrameInput::origin), with axes of the world.
+/// `add_light(lobes, normal, direction, irradiance)` adds light from one direction,
+/// `add_moments(lobes, normal, moments, radiance)` that of a source with extent. Light that is not finite counts for nothing.
 #[derive(Clone, Debug)]
 pub struct Gatherer {
     /// Appears in the labels of what is made for it.

@@ -45,18 +45,18 @@ const LABEL: &str = "deep-screen-space hull";
 
 /// Segments what is seen, gathers light at the corners of the segments' rectangles and integrates it at every pixel.
 ///
-/// The cost of a [`Gatherer`] is paid at some thousand vertices whatever the resolution, and each pixel's own normal still
-/// shades it. Light has to vary little over a quad, and to be told by one lobe a colour channel where normals vary. Quads
-/// where it is not so are found ([`SgHullSettings::error_threshold`]) and split, or light is gathered at each of their pixels: cost
-/// grows with fine shadows, thin things and relief, rather than error. What is lit from more than 30° below the plane of its
-/// quad's corners, and shows in none of them, is not found.
+/// The cost of a [`Gatherer`] is paid at some thousand vertices whatever the resolution, and each pixel's own normal still shades
+/// it. Light has to vary little over a quad, and to be told by one lobe a colour channel where normals vary. Quads where it is
+/// not so are found ([`SgHullSettings::error_threshold`]) and split, or light is gathered at each of their pixels: cost grows
+/// with fine shadows, thin things and relief, rather than error. What is lit from more than 30° below the plane of its quad's
+/// corners, and shows in none of them, is not found.
 ///
 /// # Glossy surfaces
 /// With [`SgHullDescriptor::glossy`] a pixel reflects a second, narrow lobe besides: that of a Trowbridge-Reitz (GGX) surface
 /// of the pixel's roughness, as a spherical Gaussian about the mirrored view (Wang et al., *All-Frequency Rendering of
 /// Dynamic, Spatially-Varying Reflectance*, 2009), times the light's lobe. Masking, shadowing, the cosine and Fresnel's factor
 /// are those of the product's axis; Fresnel's is less where both lobes are wide. The light is taken to come from a hemisphere,
-/// so that even light is not shown brighter than it is. It is one lobe a channel: a mirror shows one soft spot however many
+/// so that even light is not shown brighter than it is. It is one lobe per channel: a mirror shows one soft spot however many
 /// lights there are, and no outline of any.
 ///
 /// Against GGX integrated over the same light, root mean square of the right values, reflectance 0.04, seen from 0°, 30°, 60°
@@ -75,8 +75,8 @@ const LABEL: &str = "deep-screen-space hull";
 /// off by the Gaussian alone.
 ///
 /// Quads are not judged by it, and not split but gathered at each pixel: where it varies within one,
-/// [`SgHullSettings::error_threshold`] finds what the diffuse light betrays. That of 0 has light gathered at each pixel, for both lobes.
-/// At a roughness of 0.2 the picture of a colonnade is 3.5 % off the one gathered at every pixel, and 1.0 % without gloss
+/// [`SgHullSettings::error_threshold`] finds what the diffuse light betrays. That of 0 has light gathered at each pixel, for both
+/// lobes. At a roughness of 0.2 the picture of a colonnade is 3.5 % off the one gathered at every pixel, and 1.0 % without gloss
 /// (`cargo run --example hull -- colonnade 320x240 --glossy 0.2`).
 ///
 /// Holds pipelines only, for one gatherer and one target format; one serves any number of views.
@@ -105,8 +105,8 @@ pub struct SgHullDescriptor<'a> {
     pub target: TextureFormat,
     /// Whether the picture is multiplied by the G-buffer's albedo; it is 1 otherwise.
     pub albedo: bool,
-    /// Whether surfaces are glossy besides: adds what the lobe of [`GBuffer::roughness`](crate::GBuffer::roughness) reflects. Off, nothing is bound
-    /// or computed for it.
+    /// Whether surfaces are glossy besides: adds what the lobe of [`GBuffer::roughness`](crate::GBuffer::roughness) reflects.
+    /// Off, nothing is bound or computed for it.
     pub glossy: bool,
     /// How texels become segments.
     pub components: Components,

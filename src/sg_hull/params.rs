@@ -135,8 +135,9 @@ pub struct SgHullCounts {
     pub gathered: u32,
     /// Arguments of the draw of quads: 4, quads, 0, 0.
     pub draw: [u32; 4],
-    /// Quads, and parts of split ones, whose error reaches [`SgHullSettings::error_threshold`](crate::SgHullSettings::error_threshold) and that
-    /// are not split, tiny ones, and those of last resort.
+    /// Quads, and parts of split ones, whose error reaches
+    /// [`SgHullSettings::error_threshold`](crate::SgHullSettings::error_threshold) and that are not split, tiny ones, and those
+    /// of last resort.
     pub rejected: u32,
     /// Their pixels, whose light is gathered at each of them.
     pub per_pixel: u32,

@@ -26,12 +26,12 @@ pub struct SgHullSize {
     /// smaller than one; a tile has 32 × 32 of them. The paper has 1024. Default 640:
     /// texels of 2 pixels at 1280x720, of 6 at 3840x2400.
     pub grid: u32,
-    /// Segments that there is room for besides one a tile, up to 2^20. With the default quads a picture of 16:9 is 14400 of
-    /// them, and as many again with fine geometry. 480 bytes each. What finds no room goes, with the rest of its tile, to one segment, and is counted
-    /// ([`SgHullCounts`](crate::SgHullCounts)). Default 65536.
+    /// Segments that there is room for besides one per tile, up to 2^20. With the default quads a picture of 16:9 is 14400 of
+    /// them, and as many again with fine geometry. 480 bytes each. What finds no room goes, with the rest of its tile, to one
+    /// segment, and is counted ([`SgHullCounts`](crate::SgHullCounts)). Default 65536.
     pub segments: u32,
-    /// Pixels that there is room for whose light is gathered at each of them ([`SgHullSettings::error_threshold`]), 1…2^23, 16 bytes
-    /// each. The hull shades those that find none, and they are counted. Default: all, as far as the range goes.
+    /// Pixels that there is room for whose light is gathered at each of them ([`SgHullSettings::error_threshold`]), 1…2^23, 16
+    /// bytes each. The hull shades those that find none, and they are counted. Default: all, as far as the range goes.
     pub per_pixel: u32,
     /// Quads of one normal that do not fit, and parts of them, that there is room for to be split in four, 0…2^18, 624 bytes
     /// each. The pixels of those that find none are gathered each for itself, and they are counted. Of no use, and not
@@ -140,13 +140,13 @@ pub struct SgHullSettings {
     /// The angle between neighbours' normals up to which they are one surface, radians, 0…π. Corners of rooms are cut
     /// where they are sharper: on either side light comes from another hemisphere. Default 0.25.
     pub normal_angle: f32,
-    /// How far a quad's light may be off before it is split, in mean irradiances of the picture, 0 or more. It is judged by
-    /// how far the corners' irradiances lie apart, asked for one normal, and by how far the quad's normals do. A quad of one normal is
-    /// split in four, and its parts are judged by how far the light found between its corners is from what they had
-    /// told; of others, and of parts narrower than 4 pixels, light is gathered at each pixel. At 0 it is at all: the picture is
-    /// the truth, as slow as the truth. Infinite: only at those of quads of last resort and tiny ones. Default 0.3: over
-    /// five of the crate's scenes at 1280x720 (`cargo bench --bench sg_hull`) the RMSE is at most 2.3 % of the mean, and light
-    /// is gathered at 5 % of the pixels at most.
+    /// How far a quad's light may be off before it is split, in mean irradiances of the picture, 0 or more. It is judged by how
+    /// far the corners' irradiances lie apart, asked for one normal, and by how far the quad's normals do. A quad of one normal
+    /// is split in four, and its parts are judged by how far the light found between its corners is from what they had told; of
+    /// others, and of parts narrower than 4 pixels, light is gathered at each pixel. At 0 it is at all: the picture is the truth,
+    /// as slow as the truth. Infinite: only at those of quads of last resort and tiny ones. Default 0.3: over five of the crate's
+    /// scenes at 1280x720 (`cargo bench --bench sg_hull`) the RMSE is at most 2.3 % of the mean, and light is gathered at 5 % of
+    /// the pixels at most.
     pub error_threshold: f32,
     /// Reflectance of glossy surfaces seen straight on, linear RGB, 0…1, as
     /// [`HitResolverSettings::f0`](crate::HitResolverSettings::f0); of use with

@@ -86,8 +86,8 @@ impl Gatherer {
     /// # Errors
     /// What [`SplatSettings::validate`] finds; [`Error::Mismatch`] for clusters of another cloud's capacity or recorded with
     /// other settings (but for the seed), and for another gatherer; [`Error::Recording`] for clusters that were not recorded from
-    /// this cloud, since that was; [`Error::Setting`] for an origin that is not finite; [`Error::Buffer`] for radiance that is too small or lacks
-    /// usage `STORAGE`.
+    /// this cloud, since that was; [`Error::Setting`] for an origin that is not finite; [`Error::Buffer`] for radiance that is
+    /// too small or lacks usage `STORAGE`.
     pub fn bind_surfels(
         &self,
         device: &Device,

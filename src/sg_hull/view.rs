@@ -134,7 +134,7 @@ impl SgHullView {
         &self.segments
     }
 
-    /// Four [`HullVertex`]es of 96 bytes a quad, without gaps (usage `COPY_SRC`).
+    /// Four [`HullVertex`]es of 96 bytes per quad, without gaps (usage `COPY_SRC`).
     pub fn vertices(&self) -> &Buffer {
         &self.vertices
     }

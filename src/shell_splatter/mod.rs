@@ -262,8 +262,9 @@ impl ShellSplatter {
     /// Compiles the pipelines.
     ///
     /// # Errors
-    /// [`Error::Feature`] where subgroups are asked for and the device lacks them, [`Error::Effect`] where the effect's
-    /// source has a malformed directive or not the constants that are given. WGSL that does not compile is wgpu's own validation error, as for any shader.
+    /// [`Error::Feature`] where subgroups are asked for and the device lacks them, [`Error::Effect`] where the effect's source
+    /// has a malformed directive or not the constants that are given. WGSL that does not compile is wgpu's own validation error,
+    /// as for any shader.
     pub fn new(device: &Device, descriptor: &ShellSplatterDescriptor<'_>) -> Result<Self, Error> {
         let effect = descriptor.effect;
         effect.check()?;
@@ -469,10 +470,10 @@ impl ShellSplatter {
     /// Records the splatting of a cloud into a view's sums.
     ///
     /// # Errors
-    /// What [`SplatSettings::validate`] and [`PixelList::validate`] find; [`Error::Mismatch`] where the frame has another
-    /// origin than the cloud, the view another size than the frame or the work's sub-image, or fewer levels than the settings, and where the
-    /// clusters were last recorded with other settings (but for the seed); [`Error::Recording`] where they were not recorded from
-    /// this cloud, since that was; [`Error::Buffer`] for a missing material table.
+    /// What [`SplatSettings::validate`] and [`PixelList::validate`] find; [`Error::Mismatch`] where the frame has another origin
+    /// than the cloud, the view another size than the frame or the work's sub-image, or fewer levels than the settings, and where
+    /// the clusters were last recorded with other settings (but for the seed); [`Error::Recording`] where they were not recorded
+    /// from this cloud, since that was; [`Error::Buffer`] for a missing material table.
     pub fn record(
         &self,
         device: &Device,

@@ -1,4 +1,4 @@
-//! What the GPU reads: `Params` of `wgsl/shell_splatter.wgsl`, one a level, and how clusters are laid out.
+//! What the GPU reads: `Params` of `wgsl/shell_splatter.wgsl`, one per level, and how clusters are laid out.
 
 use bytemuck::{Pod, Zeroable};
 

@@ -19,7 +19,7 @@ pub struct SplatSettings {
     /// Whether the last level has no outer bound, so that everything contributes, however far. Without, the effect
     /// ends at `max_distance · 2^(levels − 1)`, as in the paper, and surfels out of reach can be left out. Default true.
     pub unbounded: bool,
-    /// Which of the random permutations deals pixels to sub-buffers, 0…2²⁴. Another one a frame makes the noise of the
+    /// Which of the random permutations deals pixels to sub-buffers, 0…2²⁴. Another one in each frame makes the noise of the
     /// levels independent between frames, for a temporal filter of the caller's. Default 0.
     pub seed: u32,
 }

@@ -50,7 +50,7 @@ pub struct SurfelShader {
     uniforms: Uniforms,
 }
 
-/// A variant: at index 0 for one point a surfel, at index 1 for several.
+/// A variant: at index 0 for one point per surfel, at index 1 for several.
 #[derive(Debug)]
 struct ShadeKernel {
     layout: Layout,
@@ -66,7 +66,8 @@ pub enum Shadow<'a> {
     /// In the caller's shadow map.
     Map(ShadowMap<'a>),
     /// By a ray from the surfel to the light, among the triangles that its cloud was made of, given the hierarchy over them,
-    /// recorded since the cloud was ([`BvhBuilder::record`](crate::BvhBuilder::record)): exact, without a map or a bias. What the cloud was culled of casts none.
+    /// recorded since the cloud was ([`BvhBuilder::record`](crate::BvhBuilder::record)): exact, without a map or a bias. What the
+    /// cloud was culled of casts none.
     Traced(&'a Bvh),
 }
 
@@ -78,7 +79,7 @@ pub enum Shadow<'a> {
 pub struct ShadowMap<'a> {
     /// The layer of the first camera; those of the others follow it. A whole map, a range of an array's layers, some of a
     /// cube's faces or all six: a depth format (of one with stencil the depth is read), or `R32Float` with the same values.
-    /// Usage `TEXTURE_BINDING`, one sample a texel.
+    /// Usage `TEXTURE_BINDING`, one sample per texel.
     pub depth: TextureSlice<'a>,
     /// What the layers were drawn with, in order, 1…6: one for a directional or spot light, six for a point light. A
     /// camera's viewport says which rectangle of its layer it fills. Depth is what the camera's projection makes of it:

@@ -92,7 +92,7 @@ impl TemporalHistory {
 
     /// The means as the last recording leaves them, and the number of frames in each, 0 where there is no history:
     /// `Rg32Float` (mean, frames) for one channel, `Rgba32Float` (mean, mean, mean, frames) for three; row 0 on top, a
-    /// texel a pixel of the viewport (usages `TEXTURE_BINDING | COPY_SRC`). A filter that follows can smooth what is
+    /// texel per pixel of the viewport (usages `TEXTURE_BINDING | COPY_SRC`). A filter that follows can smooth what is
     /// young more.
     pub fn means(&self) -> &TextureView {
         &self.means[self.last]

@@ -142,7 +142,7 @@ impl VolumetricObscurance {
         DepthMoments::new(device, [width, height])
     }
 
-    /// Records the depth's moments: once a frame, before all recordings that read them.
+    /// Records the depth's moments: once per frame, before all recordings that read them.
     ///
     /// # Errors
     /// [`Error::Format`], [`Error::Size`], [`Error::Shape`] or [`Error::Usage`] for the depth, [`Error::Mismatch`] for moments

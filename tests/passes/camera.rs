@@ -232,6 +232,24 @@ fn cases() -> Vec<Case> {
     ]
 }
 
+/// Columns of plain arrays are those of the matrices.
+#[test]
+fn arrays_are_matrices() {
+    let view = look_at_mat4(DVec3::new(1.0, 2.0, 3.0), DVec3::ZERO, DVec3::Y);
+    let projection = right::perspective_infinite_reverse(1.0, 1.5, 0.1);
+    let viewport = Viewport::full(12, 8);
+    let arrays = [view, projection].map(|m| m.to_cols_array_2d());
+    assert_eq!(
+        Camera::from_arrays(arrays[0], arrays[1], viewport),
+        Camera::new(view, projection, viewport)
+    );
+    let flat = [[0.0; 4]; 4];
+    assert!(matches!(
+        Camera::from_arrays(arrays[0], flat, viewport),
+        Err(deep_screen_space::Error::Camera { .. })
+    ));
+}
+
 #[test]
 fn project_and_unproject_are_each_others_inverse() {
     for case in cases() {

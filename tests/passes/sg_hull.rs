@@ -305,7 +305,8 @@ fn vertices_and_pixels_are_those_of_the_mirror() {
         hull,
     } = &*LAB;
     let settings = SgHullSettings::default();
-    // Light beside a wall leaves the rest dark: there the error is in units of the dimmest corner. Columns have it from their normals.
+    // Light beside a wall leaves the rest dark: there the error is in units of the dimmest corner. Columns have it from their
+    // normals.
     let beside = Light::Point {
         position: DVec3::new(-2.6, 2.7, 0.0),
         intensity: [1.0, 2.0, 3.0],

@@ -6,4 +6,5 @@ mod fuzz;
 mod misuse;
 mod near_extremes;
 mod odd_cameras;
+mod ray_traced;
 mod truth;

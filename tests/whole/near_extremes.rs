@@ -306,7 +306,8 @@ fn scale_and_place_change_nothing() {
                 "{name} at {scale} and {place}: {off} of {} are off",
                 found.len()
             );
-            // None are, here. What is at a threshold (the edge of a shadow, a sample at a step of depth) rounding may put on either side.
+            // None are, here. What is at a threshold (the edge of a shadow, a sample at a step of depth) rounding may put on
+            // either side.
             assert!(off * 500 <= found.len(), "{name}, {scale}, {place}: {off}");
         }
     }

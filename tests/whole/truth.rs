@@ -32,10 +32,10 @@ fn compare(shot: &Shot, visibility: &[f32], radius: f64) -> (f64, f64) {
     )
 }
 
-/// What the sum of form factors reaches on each of the crate's scenes: a quarter above the RMSE measured when this was
-/// written, since both drivers give the same sums to 1e-4 and only a change of the method moves more. Where occluders lie behind each other
-/// (colonnade, dominoes, a closed room's furniture) the sum counts them all: that is the method, and its figures stand
-/// in the README.
+/// What the sum of form factors reaches on each of the crate's scenes: a quarter above the RMSE measured when this was written,
+/// since both drivers give the same sums to 1e-4 and only a change of the method moves more. Where occluders lie behind each
+/// other (colonnade, dominoes, a closed room's furniture) the sum counts them all: that is the method, and its figures stand in
+/// the README.
 #[test]
 fn errors_stay_what_they_are() {
     let gpu = pipelines::gpu();

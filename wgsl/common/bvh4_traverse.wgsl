@@ -1,7 +1,7 @@
 // Rays against primitives: a ray visits the nodes over them from left to right, skips what it misses, and needs no stack.
 //
-// The importer declares the texture `nodes`, intersect_leaf(), which tells where a ray meets the four primitives of a run, and for
-// disks reach_of(), the distance beyond which a ray meets none with such radii.
+// The importer declares the texture `nodes`, intersect_leaf(), which tells where a ray meets the four primitives of a run, and
+// for disks reach_of(), the distance beyond which a ray meets none with such radii.
 
 #needs nodes intersect_leaf reach_of
 

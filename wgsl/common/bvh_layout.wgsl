@@ -1,6 +1,6 @@
 // The bounding volume hierarchy that rays traverse: wide nodes in one texture, triangles in another one (src/bvh).
 //
-// A node is five texels. Its children's boxes are eight bits a plane, in steps of a power of two a axis from the node's own
+// A node is five texels. Its children's boxes are eight bits per plane, in steps of a power of two per axis from the node's own
 // lowest corner:
 //
 //   0   xyz  bits of the lowest corner

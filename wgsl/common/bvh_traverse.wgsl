@@ -13,7 +13,7 @@ struct Entered {
   // A bit a child that is a node, and the first one's index.
   inner: u32,
   first_node: u32,
-  // Two bits a leaf: those of triangles that there are, and of these those in leaves that the ray enters.
+  // Two bits per leaf: those of triangles that there are, and of these those in leaves that the ray enters.
   present: u32,
   triangles: u32,
   first_triangle: u32,

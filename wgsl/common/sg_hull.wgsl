@@ -51,7 +51,7 @@ struct Segment {
 struct Counters {
   // What was asked for, room or not.
   segments: u32,
-  // Of the last resort, one a tile at most.
+  // Of the last resort, one per tile at most.
   fallbacks: u32,
   fallback_pixels: u32,
   // Vertices that light is gathered at.

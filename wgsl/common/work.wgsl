@@ -1,5 +1,5 @@
 // Which pixel an invocation computes (src/work.rs): all pixels of a sub-image in workgroups of 8 x 8, or those of a list
-// that the GPU made, 64 a workgroup.
+// that the GPU made, 64 per workgroup.
 //
 // The importer declares `params` with `camera: Camera` and `level: u32`; with LIST, `work`:
 //   var<storage, read> work: array<u32>   the count, then x | y << 16 of each pixel of the sub-image

@@ -33,7 +33,7 @@ pub struct AmbientOcclusionSettings {
 pub struct IndirectSettings {
     /// What is farther than this brings no light, world units; may be infinite.
     pub radius: f32,
-    /// Directions a pixel.
+    /// Rays per pixel.
     pub directions: u32,
     /// Steps along each, at most.
     pub steps: u32,

@@ -18,7 +18,7 @@ use crate::{
     testing::shot::{Shot, camera_of},
 };
 
-/// The texels of a level of an effect's, three channels each whatever its format.
+/// The texels of a level of an effect's, three channels each, whatever its format.
 pub fn read_image(gpu: &Gpu, view: &wgpu::TextureView) -> Vec<DVec3> {
     let texels = multires::read_image(gpu, view.texture());
     texels

@@ -77,7 +77,7 @@ impl Tracer {
 
     /// Estimates the light that a receiver sends on after it has bounced off one other surface,
     /// with at least `rays` rays: radiance, W/(m² sr), of a receiver with albedo 1. That of another
-    /// is its albedo times this. `materials` has one a triangle of the list that
+    /// is its albedo times this. `materials` has one per triangle of the list that
     /// [`new`](Self::new) was given.
     ///
     /// Directions and the standard error are those of

@@ -1,0 +1,198 @@
+//! What rays meet, shared by all views.
+
+use wgpu::{Buffer, CommandEncoder, Device, PipelineCache};
+
+use super::counts::Readback;
+use crate::{
+    bounced_z_buffer::descriptor::HitLighting,
+    bvh::{Bvh, BvhBuilder, Primitives},
+    camera::Camera,
+    error::{Error, check_setting},
+    geometry::Geometry,
+    gpu::Timestamps,
+    light::Light,
+    surfel::{CloudCapacity, SurfelCloud, SurfelCounts},
+    surfelizer::{
+        Surfelizer, SurfelizerInput,
+        settings::{Reach, SurfelizerSettings},
+    },
+};
+
+/// The triangles that rays meet, the hierarchy over them, and the lights: what all [`RayTracedView`](crate::RayTracedView)s of a
+/// scene share. Recorded once per frame, before they are.
+///
+/// Its room follows from the geometry. It grows where a recording has more triangles than there is room for, and, a frame or two
+/// later, where the GPU counted parts of large ones that found none. Nothing is allocated before the first recording.
+#[derive(Debug)]
+pub struct RayTracedScene {
+    surfelizer: Surfelizer,
+    builder: BvhBuilder,
+    room: Option<Room>,
+    readback: Readback,
+    counts: Option<SurfelCounts>,
+    materials: Option<Buffer>,
+    lights: Vec<Light>,
+}
+
+#[derive(Debug)]
+struct Room {
+    cloud: SurfelCloud,
+    bvh: Bvh,
+}
+
+/// What one recording of a [`RayTracedScene`] works on.
+#[derive(Clone, Copy, Debug)]
+pub struct RayTracedSceneInput<'a> {
+    /// The caller's triangles.
+    pub geometry: Geometry<'a>,
+    /// The camera whose [focus](Camera::focus) positions become relative to: one of those that see the scene.
+    pub camera: &'a Camera,
+    /// Up to four cameras that see the scene: triangles beyond `reach` of what these see are left out. Empty to keep all.
+    pub cull_by: &'a [Camera],
+    /// How far effects look from what is seen, world units: the largest radius of the views' ambient occlusion, and
+    /// `f32::INFINITY` for indirect light.
+    pub reach: f32,
+    /// What lights the surfaces that rays meet, for views of indirect light.
+    pub lighting: Option<HitLighting<'a>>,
+    /// Where to write begin and end times of making the triangles, if anywhere.
+    pub timestamps: Option<Timestamps<'a>>,
+}
+
+impl<'a> RayTracedSceneInput<'a> {
+    /// All triangles, however far, without lights and timestamps.
+    pub fn new(geometry: Geometry<'a>, camera: &'a Camera) -> Self {
+        Self {
+            geometry,
+            camera,
+            cull_by: &[],
+            reach: f32::INFINITY,
+            lighting: None,
+            timestamps: None,
+        }
+    }
+}
+
+impl RayTracedScene {
+    /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] where the device was made with less than that.
+    pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
+        Ok(Self {
+            surfelizer: Surfelizer::new(device, cache)?,
+            builder: BvhBuilder::new(device, Primitives::Triangles, cache)?,
+            room: None,
+            readback: Readback::default(),
+            counts: None,
+            materials: None,
+            lights: Vec::new(),
+        })
+    }
+
+    /// Records the scene of a frame.
+    ///
+    /// # Errors
+    /// What [`Surfelizer::record`] finds of the geometry, the cameras and the reach; [`Error::Limit`] for more triangles than the
+    /// device can bind. What was recorded before stays as it was then.
+    pub fn record(
+        &mut self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        input: &RayTracedSceneInput<'_>,
+    ) -> Result<(), Error> {
+        check_setting(
+            input.reach >= 0.0,
+            "RayTracedSceneInput::reach",
+            input.reach,
+            "0 to infinity",
+        )?;
+        if let Some(counts) = self.readback.take() {
+            self.counts = Some(counts);
+        }
+        self.make_room(device, input.geometry.triangles())?;
+        let Some(Room { cloud, bvh }) = &mut self.room else {
+            return Ok(());
+        };
+        let settings = SurfelizerSettings {
+            density: f32::INFINITY,
+            reach: Reach {
+                radii: f32::INFINITY,
+                world: input.reach,
+            },
+            ..SurfelizerSettings::default()
+        };
+        let surfelize = SurfelizerInput {
+            geometry: input.geometry,
+            camera: input.camera,
+            cull_by: input.cull_by,
+            timestamps: input.timestamps,
+        };
+        self.surfelizer
+            .record(device, encoder, &surfelize, &settings, cloud)?;
+        self.builder.record(device, encoder, cloud, bvh, None)?;
+        self.readback.record(device, encoder, cloud.counters());
+        self.materials = input.lighting.map(|lighting| lighting.materials.clone());
+        self.lights.clear();
+        self.lights
+            .extend(input.lighting.iter().flat_map(|lighting| lighting.lights));
+        Ok(())
+    }
+
+    /// What the GPU counted a frame or two ago: triangles, those that are degenerate, and the share of the area that found no
+    /// room. `None` before the first counts arrived, which takes a submission and a poll of the caller's.
+    pub fn counts(&self) -> Option<SurfelCounts> {
+        self.counts
+    }
+
+    /// GPU memory that it owns, bytes.
+    pub fn memory_bytes(&self) -> u64 {
+        let bytes = |room: &Room| room.cloud.memory_bytes() + room.bvh.memory_bytes();
+        self.room.as_ref().map_or(0, bytes)
+    }
+
+    /// What views trace.
+    pub(super) fn traced(&self) -> Option<(&SurfelCloud, &Bvh)> {
+        self.room.as_ref().map(|room| (&room.cloud, &room.bvh))
+    }
+
+    /// What lights hits.
+    pub(super) fn lighting(&self) -> Option<HitLighting<'_>> {
+        self.materials.as_ref().map(|materials| HitLighting {
+            materials,
+            lights: &self.lights,
+        })
+    }
+
+    /// Replaces the room where it is too small for so many triangles, or was by the last counts.
+    fn make_room(&mut self, device: &Device, triangles: u32) -> Result<(), Error> {
+        let most = CloudCapacity::largest(&device.limits());
+        let had = self.room.as_ref().map_or((0, 0), |room| {
+            let capacity = room.cloud.capacity();
+            (capacity.triangles, capacity.pieces)
+        });
+        let asked = self
+            .counts
+            .map_or(0, |counts| counts.pieces.saturating_add(counts.merged));
+        if self.room.is_some() && triangles <= had.0 && asked <= had.1 {
+            return Ok(());
+        }
+        // A quarter more than is needed, so that a scene which grows does not ask each frame.
+        let ample = |needed: u32| needed.saturating_add(needed / 4).max(256);
+        let triangles = ample(triangles)
+            .min(most.triangles)
+            .max(triangles)
+            .max(had.0);
+        let pieces = ample(triangles.max(asked)).min(most.pieces).max(had.1);
+        let capacity = CloudCapacity {
+            surfels: 0,
+            pieces,
+            triangles,
+        };
+        let cloud = self.surfelizer.create_cloud(device, capacity)?;
+        let bvh = self.builder.create(device, &cloud)?;
+        self.room = Some(Room { cloud, bvh });
+        // Of other room these tell nothing.
+        self.counts = None;
+        Ok(())
+    }
+}

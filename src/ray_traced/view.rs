@@ -1,0 +1,397 @@
+//! One view's effect: its textures, and its recording into the caller's target.
+
+use wgpu::{CommandEncoder, Device, PipelineCache, Texture, TextureFormat, TextureUsages};
+
+use super::{
+    quality::{Quality, RaySettings},
+    scene::RayTracedScene,
+};
+use crate::{
+    bounced_z_buffer::{
+        BouncedInput, BouncedZBuffer,
+        descriptor::{BouncedDescriptor, HitRadiance, Payload},
+        settings::{BouncedSettings, Sampling},
+        view::BouncedView,
+    },
+    camera::{Camera, Viewport},
+    effect::Channels,
+    error::{Error, check_setting},
+    gbuffer::GBuffer,
+    gpu::screen,
+    hit_resolver::{HitResolver, HitResolverInput, HitResolverView},
+    receivers::{FrameInput, GBufferDecoder, Receivers, plane_bytes, plane_for},
+    recorded::never,
+    temporal_accumulator::{
+        MotionVectors, TemporalAccumulator, TemporalHistory, TemporalInput,
+        settings::TemporalSettings,
+    },
+    texture_slice::TextureSlice,
+};
+
+/// What a [`RayTracedView`] shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RayTracedEffect {
+    /// Ambient visibility, 0 to 1 (open), in all channels.
+    AmbientOcclusion {
+        /// The distance beyond which nothing occludes, world units, ≥ 0; `f32::INFINITY` for none.
+        radius: f32,
+    },
+    /// Reflected radiance, W/(m² sr), of one diffuse bounce: albedo times what arrives from lit surfaces. The G-buffer has
+    /// albedo.
+    IndirectDiffuse {
+        /// What arrives from where nothing is, linear RGB, W/(m² sr).
+        sky_radiance: [f32; 3],
+    },
+    /// Reflected radiance, W/(m² sr), of one glossy bounce. The G-buffer has roughness.
+    IndirectSpecular {
+        /// What arrives from where nothing is, linear RGB, W/(m² sr).
+        sky_radiance: [f32; 3],
+    },
+}
+
+impl RayTracedEffect {
+    /// What is kept of a hit.
+    pub fn payload(&self) -> Payload {
+        match self {
+            Self::AmbientOcclusion { .. } => Payload::Occlusion,
+            Self::IndirectDiffuse { .. } | Self::IndirectSpecular { .. } => Payload::LitRadiance,
+        }
+    }
+
+    fn sampling(&self) -> Sampling {
+        match self {
+            Self::IndirectSpecular { .. } => Sampling::Glossy,
+            _ => Sampling::Cosine,
+        }
+    }
+
+    fn channels(&self) -> Channels {
+        match self {
+            Self::AmbientOcclusion { .. } => Channels::One,
+            _ => Channels::Three,
+        }
+    }
+}
+
+/// What a [`RayTracedView`] is made for.
+#[derive(Clone, Copy, Debug)]
+pub struct RayTracedViewDescriptor<'a> {
+    /// The effect.
+    pub effect: RayTracedEffect,
+    /// Rays per pixel, and the filter.
+    pub rays: RaySettings,
+    /// How frames are joined, if they are: each then has rays of its own, and few are enough.
+    pub temporal: Option<TemporalSettings>,
+    /// Format of the caller's texture: any colour format of floats that can be rendered to.
+    pub target: TextureFormat,
+    /// The caller's cache, if any.
+    pub cache: Option<&'a PipelineCache>,
+}
+
+impl RayTracedViewDescriptor<'_> {
+    /// Each frame for itself.
+    pub fn new(effect: RayTracedEffect, quality: Quality, target: TextureFormat) -> Self {
+        Self {
+            effect,
+            rays: quality.rays(effect.payload()),
+            temporal: None,
+            target,
+            cache: None,
+        }
+    }
+}
+
+/// What one recording of a [`RayTracedView`] works on.
+#[derive(Clone, Copy, Debug)]
+pub struct RayTracedInput<'a> {
+    /// The caller's G-buffer.
+    pub gbuffer: GBuffer<'a>,
+    /// The camera that it was drawn with.
+    pub camera: &'a Camera,
+    /// Where surfaces were in the last frame, for a view that joins frames; `None` where only the camera moves.
+    pub motion: Option<MotionVectors<'a>>,
+    /// Whether to forget earlier frames, as a camera's cut needs.
+    pub reset: bool,
+    /// The caller's texture, of the view's format, usage `RENDER_ATTACHMENT`, covering the camera's viewport. Only the
+    /// viewport is written.
+    pub target: TextureSlice<'a>,
+}
+
+impl<'a> RayTracedInput<'a> {
+    /// Of a world in which only the camera moves.
+    pub fn new(
+        gbuffer: GBuffer<'a>,
+        camera: &'a Camera,
+        target: impl Into<TextureSlice<'a>>,
+    ) -> Self {
+        Self {
+            gbuffer,
+            camera,
+            motion: None,
+            reset: false,
+            target: target.into(),
+        }
+    }
+}
+
+/// Ambient occlusion or indirect light for one camera, by rays among a [`RayTracedScene`]'s triangles: the [`GBufferDecoder`],
+/// the [`BouncedZBuffer`], the [`HitResolver`] and, where frames are joined, the [`TemporalAccumulator`], with the textures that
+/// they need.
+///
+/// Textures are made by the first recording, and made anew where the camera's viewport has another size.
+#[derive(Debug)]
+pub struct RayTracedView {
+    effect: RayTracedEffect,
+    rays: RaySettings,
+    decoder: GBufferDecoder,
+    tracer: BouncedZBuffer,
+    resolver: HitResolver,
+    temporal: Option<Temporal>,
+    room: Option<Room>,
+}
+
+#[derive(Debug)]
+struct Temporal {
+    accumulator: TemporalAccumulator,
+    settings: TemporalSettings,
+    previous: Option<Camera>,
+    /// Which rays the next frame takes.
+    frame: u32,
+}
+
+/// What a size asks for.
+#[derive(Debug)]
+struct Room {
+    viewport: Viewport,
+    rays_per_pixel: u32,
+    receivers: Receivers,
+    hits: BouncedView,
+    scratch: HitResolverView,
+    joined: Option<(Texture, TemporalHistory)>,
+}
+
+/// [`BouncedSettings::frame`] has a largest value; a power of two of frames is as good as any number.
+const FRAMES: u32 = 1 << 20;
+
+impl RayTracedView {
+    /// Compiles the pipelines.
+    ///
+    /// # Errors
+    /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats; [`Error::Setting`] for settings out of
+    /// range.
+    pub fn new(device: &Device, descriptor: &RayTracedViewDescriptor<'_>) -> Result<Self, Error> {
+        let RayTracedViewDescriptor {
+            effect,
+            rays,
+            temporal,
+            target,
+            cache,
+        } = *descriptor;
+        screen::check_format(device, "RayTracedView target", target)?;
+        settings_of(&effect, &rays, 0).validate()?;
+        rays.filter.validate()?;
+        let tracer = BouncedDescriptor {
+            payload: effect.payload(),
+            sampling: effect.sampling(),
+            ..BouncedDescriptor::default()
+        };
+        let tracer = BouncedZBuffer::new(device, &tracer, cache)?;
+        let temporal = temporal
+            .map(|settings| {
+                settings.validate()?;
+                let channels = effect.channels();
+                Ok(Temporal {
+                    accumulator: TemporalAccumulator::new(device, channels, target, cache)?,
+                    settings,
+                    previous: None,
+                    frame: 0,
+                })
+            })
+            .transpose()?;
+        let resolved = temporal
+            .as_ref()
+            .map_or(target, |_| picture_format(&effect));
+        Ok(Self {
+            resolver: tracer.resolver(device, resolved, false, cache)?,
+            decoder: GBufferDecoder::new(device, cache)?,
+            tracer,
+            effect,
+            rays,
+            temporal,
+            room: None,
+        })
+    }
+
+    /// Changes rays and filter, from the next recording on.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for settings out of range; those of before stay.
+    pub fn set_rays(&mut self, rays: RaySettings) -> Result<(), Error> {
+        settings_of(&self.effect, &rays, 0).validate()?;
+        rays.filter.validate()?;
+        self.rays = rays;
+        Ok(())
+    }
+
+    /// Changes the radius of ambient occlusion, or what arrives from where nothing is, from the next recording on.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for values out of range, and for an effect of another kind; that of before stays.
+    pub fn set_effect(&mut self, effect: RayTracedEffect) -> Result<(), Error> {
+        let same = std::mem::discriminant(&effect) == std::mem::discriminant(&self.effect);
+        check_setting(
+            same,
+            "RayTracedEffect",
+            f64::from(u8::from(!same)),
+            "one of the kind that the view was made for",
+        )?;
+        settings_of(&effect, &self.rays, 0).validate()?;
+        self.effect = effect;
+        Ok(())
+    }
+
+    /// Records the effect into the caller's texture.
+    ///
+    /// # Errors
+    /// [`Error::Recording`] where the scene was not recorded; [`Error::Mismatch`] where positions of the scene are relative to
+    /// another point than the camera can be (see [`RayTracedScene`]), where light is asked for and the scene was recorded without
+    /// lighting, or where the G-buffer lacks the albedo or roughness that the effect needs; what [`GBuffer::validate`] finds;
+    /// [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target; [`Error::Limit`] for a viewport beyond the
+    /// device's.
+    pub fn record(
+        &mut self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        scene: &RayTracedScene,
+        input: &RayTracedInput<'_>,
+    ) -> Result<(), Error> {
+        let (cloud, bvh) = scene.traced().ok_or_else(|| never("RayTracedScene"))?;
+        self.make_room(device, input.camera)?;
+        let Some(room) = &mut self.room else {
+            return Ok(());
+        };
+        let frame = FrameInput {
+            origin: cloud.origin(),
+            ..FrameInput::new(input.gbuffer, input.camera)
+        };
+        let frame = self
+            .decoder
+            .record(device, encoder, &frame, &mut room.receivers)?;
+        let number = self.temporal.as_ref().map_or(0, |temporal| temporal.frame);
+        let traced = BouncedInput {
+            radiance: match (self.effect.payload(), scene.lighting()) {
+                (Payload::LitRadiance, Some(lighting)) => HitRadiance::Lit(lighting),
+                _ => HitRadiance::None,
+            },
+            ..BouncedInput::new(&frame, cloud, bvh)
+        };
+        let settings = settings_of(&self.effect, &self.rays, number);
+        self.tracer
+            .record(device, encoder, &traced, &settings, &room.hits)?;
+        let resolved = match &room.joined {
+            Some((picture, _)) => picture.into(),
+            None => input.target,
+        };
+        let hits = HitResolverInput::new(&frame, &room.hits, resolved);
+        self.resolver
+            .record(device, encoder, &hits, &self.rays.filter, &room.scratch)?;
+        if let (Some(temporal), Some((picture, history))) = (&mut self.temporal, &mut room.joined) {
+            let previous = temporal.previous.unwrap_or(*input.camera);
+            let joined = TemporalInput {
+                motion: input.motion,
+                reset: input.reset,
+                ..TemporalInput::new(&frame, &previous, &*picture, input.target)
+            };
+            let settings = &temporal.settings;
+            temporal
+                .accumulator
+                .record(device, encoder, &joined, settings, history)?;
+            temporal.previous = Some(*input.camera);
+            temporal.frame = (temporal.frame + 1) % FRAMES;
+        }
+        Ok(())
+    }
+
+    /// GPU memory that it owns, bytes: nothing before the first recording.
+    pub fn memory_bytes(&self) -> u64 {
+        let Some(room) = &self.room else {
+            return 0;
+        };
+        let joined = room.joined.as_ref().map_or(0, |(picture, history)| {
+            let size = [picture.width(), picture.height()];
+            plane_bytes(picture.format(), size, 1) + history.memory_bytes()
+        });
+        room.receivers.memory_bytes()
+            + room.hits.memory_bytes()
+            + room.scratch.memory_bytes()
+            + joined
+    }
+
+    /// Makes the textures for the camera's viewport, unless they are there.
+    fn make_room(&mut self, device: &Device, camera: &Camera) -> Result<(), Error> {
+        let viewport = camera.viewport();
+        let Viewport {
+            x,
+            y,
+            width,
+            height,
+        } = viewport;
+        let rays_per_pixel = self.rays.rays_per_pixel;
+        let fits = |room: &Room| room.viewport == viewport && room.rays_per_pixel >= rays_per_pixel;
+        if self.room.as_ref().is_some_and(fits) {
+            return Ok(());
+        }
+        // The old textures go before there are new ones.
+        self.room = None;
+        let hits = self
+            .tracer
+            .create_view(device, width, height, rays_per_pixel)?;
+        let joined = match &mut self.temporal {
+            Some(temporal) => {
+                temporal.previous = None;
+                let picture = plane_for(
+                    device,
+                    "deep-screen-space picture of one frame",
+                    picture_format(&self.effect),
+                    // The resolver writes the viewport's part of its target, and the accumulator reads it there.
+                    [x + width, y + height],
+                    1,
+                    TextureUsages::RENDER_ATTACHMENT,
+                )?;
+                let history = temporal.accumulator.create_history(device, width, height)?;
+                Some((picture, history))
+            }
+            None => None,
+        };
+        self.room = Some(Room {
+            viewport,
+            rays_per_pixel,
+            receivers: self.decoder.create_receivers(device, width, height)?,
+            scratch: self.resolver.create_view(device, &hits)?,
+            hits,
+            joined,
+        });
+        Ok(())
+    }
+}
+
+/// Of one frame before frames are joined.
+fn picture_format(effect: &RayTracedEffect) -> TextureFormat {
+    match effect.channels() {
+        Channels::One => TextureFormat::R32Float,
+        Channels::Three => TextureFormat::Rgba16Float,
+    }
+}
+
+fn settings_of(effect: &RayTracedEffect, rays: &RaySettings, frame: u32) -> BouncedSettings {
+    let (radius, sky_radiance) = match *effect {
+        RayTracedEffect::AmbientOcclusion { radius } => (radius, [0.0; 3]),
+        RayTracedEffect::IndirectDiffuse { sky_radiance }
+        | RayTracedEffect::IndirectSpecular { sky_radiance } => (f32::INFINITY, sky_radiance),
+    };
+    BouncedSettings {
+        frame,
+        sky_radiance,
+        ..rays.bounced(radius)
+    }
+}
