@@ -612,7 +612,10 @@ pub struct CameraParams {
 }
 
 crate::gpu::reflection::same_as_wgsl!(
-    cameras_are_the_shaders: CameraParams as "Camera" in ["surfelizer", "receivers", "reconstructor smooth", "reconstructor", "temporal_accumulator", "bounced_z_buffer radiance glossy"]
+    cameras_are_the_shaders: CameraParams as "Camera" in [
+        "surfelizer", "receivers", "reconstructor smooth", "reconstructor",
+        "temporal_accumulator", "bounced_z_buffer radiance glossy",
+    ]
     { unproject, view_to_world, eye, far_depth, viewport, pixel, near, perspective, reference }
 );
 

@@ -121,7 +121,9 @@ pub(crate) struct LightParams {
 }
 
 crate::gpu::reflection::same_as_wgsl!(
-    lights_are_the_shaders: LightParams as "Light" in ["surfel_shader shadow map samples", "sg_hull_gather lights"]
+    lights_are_the_shaders: LightParams as "Light" in [
+        "surfel_shader shadow map samples", "sg_hull_gather lights",
+    ]
     { position, kind, direction, outer, color, sharpness }
 );
 

@@ -80,7 +80,9 @@ pub struct SurfelSource {
 }
 
 crate::gpu::reflection::same_as_wgsl!(
-    sources_are_the_shaders: SurfelSource as "SurfelSource" in ["surfelizer", "shell_splatter build", "shell_splatter splat"]
+    sources_are_the_shaders: SurfelSource as "SurfelSource" in [
+        "surfelizer", "shell_splatter build", "shell_splatter splat",
+    ]
     { normal, piece, leaf, material }
 );
 
@@ -102,7 +104,9 @@ pub struct SurfelRadiance {
 }
 
 crate::gpu::reflection::same_as_wgsl!(
-    radiance_is_the_shaders: SurfelRadiance as "SurfelRadiance" in ["surfel_shader shadow map samples"]
+    radiance_is_the_shaders: SurfelRadiance as "SurfelRadiance" in [
+        "surfel_shader shadow map samples",
+    ]
     { front, back }
 );
 
@@ -156,7 +160,9 @@ pub struct SurfelCounts {
 }
 
 crate::gpu::reflection::same_as_wgsl!(
-    counts_are_the_shaders: SurfelCounts as "Counters" in ["surfelizer", "shell_splatter build", "shell_splatter splat"]
+    counts_are_the_shaders: SurfelCounts as "Counters" in [
+        "surfelizer", "shell_splatter build", "shell_splatter splat",
+    ]
     { pieces, surfels, rejected, stored, merged, lost_area }
 );
 

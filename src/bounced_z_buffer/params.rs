@@ -32,7 +32,10 @@ pub struct BouncedParams {
 }
 
 crate::gpu::reflection::same_as_wgsl!(
-    params_are_the_shaders: BouncedParams as "Params" in ["bounced_z_buffer occlusion", "bounced_z_buffer radiance", "bounced_z_buffer occlusion glossy", "bounced_z_buffer radiance glossy"]
+    params_are_the_shaders: BouncedParams as "Params" in [
+        "bounced_z_buffer occlusion", "bounced_z_buffer radiance",
+        "bounced_z_buffer occlusion glossy", "bounced_z_buffer radiance glossy",
+    ]
     { size, columns, rows, frame, words, surfel_capacity, sky_radiance, world_radius }
 );
 

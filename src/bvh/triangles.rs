@@ -39,9 +39,17 @@ const BINARY_NODE_BYTES: u64 = 48;
 const STATE_BYTES: u64 = 560;
 const TASK_BYTES: u64 = 16;
 
-crate::gpu::reflection::bytes_of_wgsl!(nodes_are_the_shaders: BINARY_NODE_BYTES, as "BinaryNode" in ["bvh_order", "bvh_cluster", "bvh_collapse"]);
-crate::gpu::reflection::bytes_of_wgsl!(state_is_the_shaders: STATE_BYTES, as "State" in ["bvh_order", "bvh_cluster", "bvh_collapse"]);
-crate::gpu::reflection::bytes_of_wgsl!(tasks_are_the_shaders: TASK_BYTES, as "Task" in ["bvh_collapse"]);
+crate::gpu::reflection::bytes_of_wgsl!(
+    nodes_are_the_shaders: BINARY_NODE_BYTES, as "BinaryNode" in [
+        "bvh_order", "bvh_cluster", "bvh_collapse",
+    ]
+);
+crate::gpu::reflection::bytes_of_wgsl!(
+    state_is_the_shaders: STATE_BYTES, as "State" in ["bvh_order", "bvh_cluster", "bvh_collapse"]
+);
+crate::gpu::reflection::bytes_of_wgsl!(
+    tasks_are_the_shaders: TASK_BYTES, as "Task" in ["bvh_collapse"]
+);
 
 /// Levels of nodes that have a dispatch of their own; the last dispatch makes all that are left.
 const LEVELS: u32 = 16;

@@ -81,7 +81,9 @@ pub(crate) struct MomentLevel {
 }
 
 crate::gpu::reflection::same_as_wgsl!(
-    levels_are_the_shaders: MomentLevel as "MomentLevel" in ["depth_moments", "volumetric_obscurance areas"]
+    levels_are_the_shaders: MomentLevel as "MomentLevel" in [
+        "depth_moments", "volumetric_obscurance areas",
+    ]
     { offset, size }
 );
 

@@ -21,7 +21,9 @@ const DIGIT_BITS: u32 = 4;
 /// Bytes of a pair of key and value, an `Item`.
 const ITEM_BYTES: u64 = 8;
 
-crate::gpu::reflection::bytes_of_wgsl!(items_are_the_shaders: ITEM_BYTES, as "Item" in ["sort"]);
+crate::gpu::reflection::bytes_of_wgsl!(
+    items_are_the_shaders: ITEM_BYTES, as "Item" in ["sort"]
+);
 
 const SOURCE: &str = include_str!("../../wgsl/sort.wgsl");
 

@@ -30,9 +30,12 @@ pub struct HitResolverParams {
 }
 
 crate::gpu::reflection::same_as_wgsl!(
-    params_are_the_shaders: HitResolverParams as "Params" in ["hit_resolver occlusion average", "hit_resolver radiance average", "hit_resolver occlusion glossy average", "hit_resolver radiance glossy average"] {
-        camera, columns, rows, frame, words, radius, plane_distance, normal_power, variance_clamp, f0,
-        near_radius, falloff, per_hit_distance, damping, spread
+    params_are_the_shaders: HitResolverParams as "Params" in [
+        "hit_resolver occlusion average", "hit_resolver radiance average",
+        "hit_resolver occlusion glossy average", "hit_resolver radiance glossy average",
+    ] {
+        camera, columns, rows, frame, words, radius, plane_distance, normal_power, variance_clamp,
+        f0, near_radius, falloff, per_hit_distance, damping, spread,
     }
 );
 

@@ -31,7 +31,7 @@ pub(crate) struct EdgeParams {
 crate::gpu::reflection::same_as_wgsl!(
     edge_params_are_the_shaders: EdgeParams as "Params" in ["multi_res_mask edges"] {
         gbuffer.camera, gbuffer.normals, gbuffer.depth_step, gbuffer.depth_relative, scale, slope,
-        normal_threshold, depth_threshold, shading_threshold, sources
+        normal_threshold, depth_threshold, shading_threshold, sources,
     }
 );
 
@@ -86,7 +86,9 @@ pub(crate) struct LevelParams {
 }
 
 crate::gpu::reflection::same_as_wgsl!(
-    level_params_are_the_shaders: LevelParams as "Params" in ["multi_res_mask widen", "multi_res_mask list"]
+    level_params_are_the_shaders: LevelParams as "Params" in [
+        "multi_res_mask widen", "multi_res_mask list",
+    ]
     { size, tiles, first_count, finer_by, reach, threshold, whole_from, bell }
 );
 

@@ -20,9 +20,11 @@ pub(crate) struct MultiResReconstructorParams {
 }
 
 crate::gpu::reflection::same_as_wgsl!(
-    params_are_the_shaders: MultiResReconstructorParams as "Params" in ["multi_res_reconstructor", "multi_res_reconstructor blend"] {
-        gbuffer.camera, gbuffer.normals, gbuffer.depth_step, gbuffer.depth_relative, level, coarser, weight,
-        plane_distance, normal_power, has_own, whole_from
+    params_are_the_shaders: MultiResReconstructorParams as "Params" in [
+        "multi_res_reconstructor", "multi_res_reconstructor blend",
+    ] {
+        gbuffer.camera, gbuffer.normals, gbuffer.depth_step, gbuffer.depth_relative, level,
+        coarser, weight, plane_distance, normal_power, has_own, whole_from,
     }
 );
 

@@ -19,7 +19,9 @@ pub struct ReconstructorParams {
 }
 
 crate::gpu::reflection::same_as_wgsl!(
-    params_are_the_shaders: ReconstructorParams as "Params" in ["reconstructor smooth", "reconstructor"]
+    params_are_the_shaders: ReconstructorParams as "Params" in [
+        "reconstructor smooth", "reconstructor",
+    ]
     { camera, levels, radius, plane_distance, normal_power, viewport, sub_image }
 );
 

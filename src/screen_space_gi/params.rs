@@ -17,9 +17,11 @@ pub(crate) struct ScreenSpaceGiParams {
 }
 
 crate::gpu::reflection::same_as_wgsl!(
-    params_are_the_shaders: ScreenSpaceGiParams as "Params" in ["screen_space_gi", "screen_space_gi list"] {
-        gbuffer.camera, gbuffer.normals, gbuffer.depth_step, gbuffer.depth_relative, project, level, samples,
-        turn, radius
+    params_are_the_shaders: ScreenSpaceGiParams as "Params" in [
+        "screen_space_gi", "screen_space_gi list",
+    ] {
+        gbuffer.camera, gbuffer.normals, gbuffer.depth_step, gbuffer.depth_relative, project,
+        level, samples, turn, radius,
     }
 );
 

@@ -76,7 +76,9 @@ pub struct PolygonLight {
 }
 
 crate::gpu::reflection::same_as_wgsl!(
-    polygon_lights_are_the_shaders: PolygonLight as "PolygonLight" in ["sg_hull_gather polygons", "reflective_shadow_map"]
+    polygon_lights_are_the_shaders: PolygonLight as "PolygonLight" in [
+        "sg_hull_gather polygons", "reflective_shadow_map",
+    ]
     { a, red, b, green, c, blue }
 );
 

@@ -28,9 +28,12 @@ pub struct SgHullParams {
 }
 
 crate::gpu::reflection::same_as_wgsl!(
-    params_are_the_shaders: SgHullParams as "Params" in ["sg_hull_segment", "sg_hull_plan", "sg_hull_gather", "sg_hull albedo", "sg_hull albedo glossy"] {
-        camera, along, capacity, grid, tiles, f0, texel, per_pixel_capacity, error_threshold, plane_distance,
-        gap, normal_cosine, quad, split_room, rays
+    params_are_the_shaders: SgHullParams as "Params" in [
+        "sg_hull_segment", "sg_hull_plan", "sg_hull_gather", "sg_hull albedo",
+        "sg_hull albedo glossy",
+    ] {
+        camera, along, capacity, grid, tiles, f0, texel, per_pixel_capacity, error_threshold,
+        plane_distance, gap, normal_cosine, quad, split_room, rays,
     }
 );
 
@@ -86,7 +89,10 @@ pub struct HullSegment {
 }
 
 crate::gpu::reflection::same_as_wgsl!(
-    segments_are_the_shaders: HullSegment as "Segment" in ["sg_hull_segment", "sg_hull_plan", "sg_hull_gather", "sg_hull albedo", "sg_hull albedo glossy"]
+    segments_are_the_shaders: HullSegment as "Segment" in [
+        "sg_hull_segment", "sg_hull_plan", "sg_hull_gather", "sg_hull albedo",
+        "sg_hull albedo glossy",
+    ]
     { rect, nearest, farthest, anchor, normal, spread }
 );
 
@@ -117,7 +123,9 @@ pub struct HullVertex {
 }
 
 crate::gpu::reflection::same_as_wgsl!(
-    vertices_are_the_shaders: HullVertex as "HullVertex" in ["sg_hull_place", "sg_hull_gather", "sg_hull_classify", "sg_hull albedo"]
+    vertices_are_the_shaders: HullVertex as "HullVertex" in [
+        "sg_hull_place", "sg_hull_gather", "sg_hull_classify", "sg_hull albedo",
+    ]
     { position, depth, red, green, blue, excess, owner, irradiance }
 );
 
@@ -157,9 +165,12 @@ pub struct SgHullCounts {
 }
 
 crate::gpu::reflection::same_as_wgsl!(
-    counts_are_the_shaders: SgHullCounts as "Counters" in ["sg_hull_segment", "sg_hull_plan", "sg_hull_gather", "sg_hull albedo", "sg_hull albedo glossy"] {
-        segments, fallbacks, fallback_pixels, gathered, draw, rejected, per_pixel, mean_irradiance, splits,
-        points, parts, round
+    counts_are_the_shaders: SgHullCounts as "Counters" in [
+        "sg_hull_segment", "sg_hull_plan", "sg_hull_gather", "sg_hull albedo",
+        "sg_hull albedo glossy",
+    ] {
+        segments, fallbacks, fallback_pixels, gathered, draw, rejected, per_pixel,
+        mean_irradiance, splits, points, parts, round,
     }
 );
 // Stages know those alone that they count, and add to them without waiting for each other.
@@ -172,10 +183,14 @@ crate::gpu::reflection::same_as_wgsl!(
     { segments, fallbacks, fallback_pixels, gathered, draw }
 );
 crate::gpu::reflection::same_as_wgsl!(
-    classifying_counts: SgHullCounts [48] as "ClassifyCounters" in ["sg_hull_classify"]
-    { segments, fallbacks, fallback_pixels, gathered, draw, rejected, per_pixel, mean_irradiance, splits }
+    classifying_counts: SgHullCounts [48] as "ClassifyCounters" in ["sg_hull_classify"] {
+        segments, fallbacks, fallback_pixels, gathered, draw, rejected, per_pixel,
+        mean_irradiance, splits,
+    }
 );
-crate::gpu::reflection::bytes_of_wgsl!(splitting_counts: size_of::<SgHullCounts>(), as "SplitCounters" in ["sg_hull_split"]);
+crate::gpu::reflection::bytes_of_wgsl!(
+    splitting_counts: size_of::<SgHullCounts>(), as "SplitCounters" in ["sg_hull_split"]
+);
 
 impl SgHullCounts {
     /// Segments that found no room.

@@ -110,7 +110,11 @@ impl SurfelClusters {
 /// Bytes of a `Cluster` (`wgsl/common/cluster.wgsl`).
 const CLUSTER_BYTES: u64 = 32;
 
-crate::gpu::reflection::bytes_of_wgsl!(clusters_are_the_shaders: CLUSTER_BYTES, as "Cluster" in ["shell_splatter build", "shell_splatter splat", "sg_hull_gather surfels"]);
+crate::gpu::reflection::bytes_of_wgsl!(
+    clusters_are_the_shaders: CLUSTER_BYTES, as "Cluster" in [
+        "shell_splatter build", "shell_splatter splat", "sg_hull_gather surfels",
+    ]
+);
 
 /// Bytes of an indirect dispatch.
 const DISPATCH_BYTES: u64 = 12;

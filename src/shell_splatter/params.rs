@@ -33,9 +33,11 @@ pub struct SplatParams {
 }
 
 crate::gpu::reflection::same_as_wgsl!(
-    params_are_the_shaders: SplatParams as "Params" in ["shell_splatter build", "shell_splatter splat"] {
-        size, sub_size, tiles, level, unbounded, epsilon, world_radius, seed, clusters, first_cluster, groups,
-        first_group
+    params_are_the_shaders: SplatParams as "Params" in [
+        "shell_splatter build", "shell_splatter splat",
+    ] {
+        size, sub_size, tiles, level, unbounded, epsilon, world_radius, seed, clusters,
+        first_cluster, groups, first_group,
     }
 );
 

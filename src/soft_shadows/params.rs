@@ -21,8 +21,8 @@ pub(crate) struct SoftShadowsParams {
 
 crate::gpu::reflection::same_as_wgsl!(
     params_are_the_shaders: SoftShadowsParams as "Params" in ["soft_shadows", "soft_shadows list"] {
-        gbuffer.camera, gbuffer.normals, gbuffer.depth_step, gbuffer.depth_relative, light, level, blockers,
-        samples, turn, extent, max_penumbra
+        gbuffer.camera, gbuffer.normals, gbuffer.depth_step, gbuffer.depth_relative, light, level,
+        blockers, samples, turn, extent, max_penumbra,
     }
 );
 

@@ -52,7 +52,9 @@ pub(crate) struct ShadowCameraParams {
 }
 
 crate::gpu::reflection::same_as_wgsl!(
-    shadow_cameras_are_the_shaders: ShadowCameraParams as "ShadowCamera" in ["surfel_shader shadow map samples"]
+    shadow_cameras_are_the_shaders: ShadowCameraParams as "ShadowCamera" in [
+        "surfel_shader shadow map samples",
+    ]
     { clip, viewport, texel, depth_scale, per_w, perspective, far_depth, tilt }
 );
 
@@ -103,7 +105,9 @@ pub(crate) struct ShadowParams {
 }
 
 crate::gpu::reflection::same_as_wgsl!(
-    shadows_are_the_shaders: ShadowParams as "Shadow" in ["surfel_shader shadow map samples", "soft_shadows"]
+    shadows_are_the_shaders: ShadowParams as "Shadow" in [
+        "surfel_shader shadow map samples", "soft_shadows",
+    ]
     { cameras, count, bias, depth_step }
 );
 

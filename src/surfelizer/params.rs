@@ -37,8 +37,9 @@ pub struct SurfelizerParams {
 
 crate::gpu::reflection::same_as_wgsl!(
     params_are_the_shaders: SurfelizerParams as "Params" in ["surfelizer"] {
-        camera, planes, view_count, triangle_count, piece_capacity, surfel_capacity, radius_pixels, density,
-        reach_radii, reach_world, origin_high, placement, origin_low, without_vertices
+        camera, planes, view_count, triangle_count, piece_capacity, surfel_capacity,
+        radius_pixels, density, reach_radii, reach_world, origin_high, placement, origin_low,
+        without_vertices,
     }
 );
 
@@ -98,8 +99,9 @@ pub struct MeshParams {
 
 crate::gpu::reflection::same_as_wgsl!(
     meshes_are_the_shaders: MeshParams as "Mesh" in ["surfelizer"] {
-        vertex_offset, vertex_stride, vertex_format, vertex_count, index_offset, index_format, base_vertex,
-        triangles, instance_offset, instance_stride, instance_format, instances, first_triangle, material
+        vertex_offset, vertex_stride, vertex_format, vertex_count, index_offset, index_format,
+        base_vertex, triangles, instance_offset, instance_stride, instance_format, instances,
+        first_triangle, material,
     }
 );
 

@@ -27,9 +27,11 @@ pub struct TemporalParams {
 }
 
 crate::gpu::reflection::same_as_wgsl!(
-    params_are_the_shaders: TemporalParams as "Params" in ["temporal_accumulator", "temporal_accumulator show"] {
+    params_are_the_shaders: TemporalParams as "Params" in [
+        "temporal_accumulator", "temporal_accumulator show",
+    ] {
         previous, project, viewport, motion_scale, max_frames, depth_tolerance, normal_tolerance,
-        clip_deviations, still, forget, previous_origin
+        clip_deviations, still, forget, previous_origin,
     }
 );
 

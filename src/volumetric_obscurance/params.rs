@@ -46,10 +46,12 @@ pub struct ObscuranceParams {
 }
 
 crate::gpu::reflection::same_as_wgsl!(
-    params_are_the_shaders: ObscuranceParams as "Params" in ["volumetric_obscurance", "volumetric_obscurance normals areas list"] {
-        camera, to_pixel, from_pixel, rays, right, level, up, center, back, thickness, normals, depth_step,
-        depth_relative, radii, radius_count, combine, max_pixels, box_half_width, seed, turn, moment_levels,
-        samples
+    params_are_the_shaders: ObscuranceParams as "Params" in [
+        "volumetric_obscurance", "volumetric_obscurance normals areas list",
+    ] {
+        camera, to_pixel, from_pixel, rays, right, level, up, center, back, thickness, normals,
+        depth_step, depth_relative, radii, radius_count, combine, max_pixels, box_half_width,
+        seed, turn, moment_levels, samples,
     }
 );
 
