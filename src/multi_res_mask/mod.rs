@@ -90,6 +90,20 @@ pub struct MultiResMaskInput<'a> {
     pub timestamps: Option<Timestamps<'a>>,
 }
 
+impl<'a> MultiResMaskInput<'a> {
+    /// By the G-buffer's own edges, without timestamps.
+    pub fn new(gbuffer: GBuffer<'a>, camera: &'a Camera) -> Self {
+        Self {
+            gbuffer,
+            camera,
+            shading: None,
+            edges: None,
+            importance: None,
+            timestamps: None,
+        }
+    }
+}
+
 impl MultiResMask {
     /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`.
     ///

@@ -112,6 +112,26 @@ pub struct MultiResReconstructorInput<'a> {
     pub timestamps: Option<Timestamps<'a>>,
 }
 
+impl<'a> MultiResReconstructorInput<'a> {
+    /// Without timestamps.
+    pub fn new(
+        gbuffer: GBuffer<'a>,
+        camera: &'a Camera,
+        masks: &'a MultiResView,
+        images: &'a SubImages,
+        target: impl Into<TextureSlice<'a>>,
+    ) -> Self {
+        Self {
+            gbuffer,
+            camera,
+            masks,
+            images,
+            target: target.into(),
+            timestamps: None,
+        }
+    }
+}
+
 impl MultiResReconstructor {
     /// Compiles the pipeline. `target` is any colour format that can be rendered to; its missing channels are dropped.
     ///

@@ -55,6 +55,25 @@ pub struct ScreenSpaceGiInput<'a> {
     pub timestamps: Option<Timestamps<'a>>,
 }
 
+impl<'a> ScreenSpaceGiInput<'a> {
+    /// At all pixels, without timestamps.
+    pub fn new(
+        gbuffer: GBuffer<'a>,
+        camera: &'a Camera,
+        lit: impl Into<TextureSlice<'a>>,
+        target: impl Into<TextureSlice<'a>>,
+    ) -> Self {
+        Self {
+            gbuffer,
+            camera,
+            lit: lit.into(),
+            target: target.into(),
+            work: None,
+            timestamps: None,
+        }
+    }
+}
+
 impl ScreenSpaceGi {
     /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`.
     ///

@@ -69,6 +69,27 @@ pub struct SoftShadowsInput<'a> {
     pub timestamps: Option<Timestamps<'a>>,
 }
 
+impl<'a> SoftShadowsInput<'a> {
+    /// At all pixels, without timestamps.
+    pub fn new(
+        gbuffer: GBuffer<'a>,
+        camera: &'a Camera,
+        light: &'a Light,
+        map: ShadowMap<'a>,
+        target: impl Into<TextureSlice<'a>>,
+    ) -> Self {
+        Self {
+            gbuffer,
+            camera,
+            light,
+            map,
+            target: target.into(),
+            work: None,
+            timestamps: None,
+        }
+    }
+}
+
 impl SoftShadows {
     /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`.
     ///

@@ -183,6 +183,24 @@ pub struct SurfelShaderInput<'a> {
     pub timestamps: Option<Timestamps<'a>>,
 }
 
+impl<'a> SurfelShaderInput<'a> {
+    /// Without timestamps.
+    pub fn new(
+        cloud: &'a SurfelCloud,
+        materials: &'a Buffer,
+        lights: &'a [ShadedLight<'a>],
+        radiance: &'a Buffer,
+    ) -> Self {
+        Self {
+            cloud,
+            materials,
+            lights,
+            radiance,
+            timestamps: None,
+        }
+    }
+}
+
 impl SurfelShader {
     /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`.
     ///

@@ -62,6 +62,18 @@ pub struct SurfelizerInput<'a> {
     pub timestamps: Option<Timestamps<'a>>,
 }
 
+impl<'a> SurfelizerInput<'a> {
+    /// All triangles, of whatever view, without timestamps.
+    pub fn new(geometry: Geometry<'a>, camera: &'a Camera) -> Self {
+        Self {
+            geometry,
+            camera,
+            cull_by: &[],
+            timestamps: None,
+        }
+    }
+}
+
 impl Surfelizer {
     /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`.
     ///

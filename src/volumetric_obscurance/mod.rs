@@ -86,6 +86,25 @@ pub struct ObscuranceInput<'a> {
     pub timestamps: Option<Timestamps<'a>>,
 }
 
+impl<'a> ObscuranceInput<'a> {
+    /// Over whole spheres, from depth alone, at all pixels, without timestamps.
+    pub fn new(
+        depth: impl Into<TextureSlice<'a>>,
+        camera: &'a Camera,
+        target: impl Into<TextureSlice<'a>>,
+    ) -> Self {
+        Self {
+            depth: depth.into(),
+            camera,
+            target: target.into(),
+            normals: None,
+            moments: None,
+            work: None,
+            timestamps: None,
+        }
+    }
+}
+
 impl VolumetricObscurance {
     /// Compiles the pipelines.
     ///

@@ -49,12 +49,7 @@ impl Lab {
         let mut cloud = surfelizer.create_cloud(device, capacity).expect("a cloud");
         let mut encoder = gpu.encoder();
         let meshes = shot.buffers.meshes();
-        let input = SurfelizerInput {
-            geometry: Geometry { meshes: &meshes },
-            camera: &shot.camera,
-            cull_by: &[],
-            timestamps: None,
-        };
+        let input = SurfelizerInput::new(Geometry { meshes: &meshes }, &shot.camera);
         let settings = SurfelizerSettings {
             radius_pixels: 1.5,
             ..SurfelizerSettings::default()
@@ -115,11 +110,7 @@ impl Lab {
             .create_clusters(device, &self.cloud, settings.levels)
             .expect("clusters");
         let mut encoder = self.gpu.encoder();
-        let input = ClusterInput {
-            cloud: &self.cloud,
-            materials: None,
-            timestamps: None,
-        };
+        let input = ClusterInput::new(&self.cloud);
         self.splatter
             .record_clusters(device, &mut encoder, &input, settings, &mut clusters)
             .expect("clusters");

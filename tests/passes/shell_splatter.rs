@@ -96,14 +96,12 @@ fn run(gpu: &Gpu, shot: &Shot, passes: &Passes, options: &Options) -> Run {
         .record(
             device,
             &mut encoder,
-            &SurfelizerInput {
-                geometry: Geometry {
+            &SurfelizerInput::new(
+                Geometry {
                     meshes: &shot.buffers.meshes(),
                 },
-                camera: &shot.camera,
-                cull_by: &[],
-                timestamps: None,
-            },
+                &shot.camera,
+            ),
             &options.surfelizer,
             &mut cloud,
         )
@@ -1104,12 +1102,7 @@ fn bad_settings_are_typed_errors() {
         .create_clusters(device, &cloud, 2)
         .expect("clusters");
     let mut encoder = gpu.encoder();
-    let input = SurfelizerInput {
-        geometry: Geometry { meshes: &[] },
-        camera: &shot.camera,
-        cull_by: &[],
-        timestamps: None,
-    };
+    let input = SurfelizerInput::new(Geometry { meshes: &[] }, &shot.camera);
     let settings = SurfelizerSettings::default();
     surfelizer
         .record(device, &mut encoder, &input, &settings, &mut cloud)

@@ -57,11 +57,7 @@ impl<'a> Splats<'a> {
         surfelizer
             .record(device, &mut encoder, &input, &surfels, &mut cloud)
             .expect("surfels");
-        let input = ClusterInput {
-            cloud: &cloud,
-            materials: None,
-            timestamps: None,
-        };
+        let input = ClusterInput::new(&cloud);
         splatter
             .record_clusters(device, &mut encoder, &input, &settings, &mut clusters)
             .expect("clusters");

@@ -97,12 +97,7 @@ fn by_hand(shot: &Shot, payload: Payload) -> Vec<[f32; 4]> {
     let target = gpu.target(Format::Rgba32Float, width, height);
     let mut encoder = gpu.encoder();
     let meshes = shot.buffers.meshes();
-    let input = SurfelizerInput {
-        geometry: Geometry { meshes: &meshes },
-        camera: &shot.camera,
-        cull_by: &[],
-        timestamps: None,
-    };
+    let input = SurfelizerInput::new(Geometry { meshes: &meshes }, &shot.camera);
     let settings = SurfelizerSettings {
         density: f32::INFINITY,
         ..SurfelizerSettings::default()

@@ -332,12 +332,7 @@ fn a_cloud_is_not_made_of_itself() {
         let result = fixture().surfelizer.record(
             &gpu.device,
             &mut encoder,
-            &SurfelizerInput {
-                geometry: Geometry { meshes: &[mesh] },
-                camera: &camera,
-                cull_by: &[],
-                timestamps: None,
-            },
+            &SurfelizerInput::new(Geometry { meshes: &[mesh] }, &camera),
             &task.settings,
             &mut second,
         );
