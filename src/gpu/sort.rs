@@ -158,12 +158,12 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use wgpu::util::DeviceExt;
 
     use super::*;
 
-    fn device() -> (Device, wgpu::Queue) {
+    pub fn device() -> (Device, wgpu::Queue) {
         pollster::block_on(async {
             let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
             descriptor.flags |= wgpu::InstanceFlags::DISCARD_HAL_LABELS;

@@ -193,3 +193,168 @@ impl Uniforms {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use wgpu::{BufferUsages, CommandEncoder, ComputePipeline, Device, Queue};
+
+    use super::*;
+    use crate::gpu::{
+        Kernel,
+        binding::{Kept, Layout, whole},
+        shader,
+        sort::tests::device,
+        storage,
+    };
+
+    /// A kernel that writes its parameters to where they say.
+    struct Pass {
+        layout: Layout,
+        pipeline: ComputePipeline,
+        uniforms: Uniforms,
+        written: Buffer,
+        kept: Kept,
+    }
+
+    impl Pass {
+        fn new(device: &Device) -> Self {
+            let source = "
+                struct Params { value: u32, at: u32, padding: vec2u }
+                @group(0) @binding(3) var<uniform> params: Params;
+                @group(0) @binding(1) var<storage, read_write> written: array<u32>;
+                @compute @workgroup_size(1)
+                fn write() { written[params.at] = params.value; }";
+            let module = shader::create(device, "uniforms", source.into());
+            let layout = module.layout(device, &["write"]);
+            let pipeline = Kernel {
+                label: "uniforms",
+                module: &module,
+                entry: "write",
+                layouts: &[&layout.raw],
+                constants: &[],
+                cache: None,
+            }
+            .create(device);
+            let written = storage(device, "written", 4 * 4096, BufferUsages::COPY_SRC);
+            Self {
+                layout,
+                pipeline,
+                uniforms: Uniforms::new("uniforms"),
+                written: written.expect("room"),
+                kept: Kept::default(),
+            }
+        }
+
+        /// Writes `value`, `value + 1` … from `at` on, a dispatch each.
+        fn record(
+            &self,
+            device: &Device,
+            encoder: &mut CommandEncoder,
+            value: u32,
+            at: u32,
+            n: u32,
+        ) {
+            let mut parameters = Parameters::new(device);
+            let places: Vec<_> = (0..n)
+                .map(|i| parameters.add(&[value + i, at + i, 0, 0]))
+                .collect();
+            let parameters = self.uniforms.upload(device, encoder, &parameters);
+            let mut groups = self.kept.groups(device);
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_pipeline(&self.pipeline);
+            for place in places {
+                let resources = [
+                    ("written", whole(&self.written)),
+                    ("params", parameters.at(place)),
+                ];
+                let group = groups.next(&self.layout, &resources);
+                pass.set_bind_group(0, &group.raw, &group.offsets);
+                pass.dispatch_workgroups(1, 1, 1);
+            }
+        }
+
+        fn read(&self, device: &Device, queue: &Queue) -> Vec<u32> {
+            let read = device.create_buffer(&wgpu::BufferDescriptor {
+                label: None,
+                size: self.written.size(),
+                usage: BufferUsages::MAP_READ | BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            });
+            let mut encoder =
+                device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            encoder.copy_buffer_to_buffer(&self.written, 0, &read, 0, None);
+            queue.submit([encoder.finish()]);
+            read.map_async(MapMode::Read, .., |mapped| mapped.expect("it maps"));
+            wait(device);
+            let bytes = read.get_mapped_range(..).expect("it is mapped");
+            bytemuck::pod_collect_to_vec(&bytes)
+        }
+
+        fn pages(&self) -> usize {
+            self.uniforms.pages.lock().expect("no panics").len()
+        }
+    }
+
+    fn wait(device: &Device) {
+        device
+            .poll(wgpu::PollType::wait_indefinitely())
+            .expect("the device answers");
+    }
+
+    fn encoder(device: &Device) -> CommandEncoder {
+        device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
+    }
+
+    /// In one encoder, and in several that are submitted in another order or never.
+    #[test]
+    fn recordings_keep_their_parameters() {
+        let (device, queue) = &device();
+        let pass = Pass::new(device);
+        let mut first = encoder(device);
+        pass.record(device, &mut first, 100, 0, 3);
+        // More than there is room for so far.
+        pass.record(device, &mut first, 200, 3, 40);
+        let mut second = encoder(device);
+        pass.record(device, &mut second, 300, 43, 2);
+        let mut dropped = encoder(device);
+        pass.record(device, &mut dropped, 400, 0, 50);
+        let finished = encoder(device);
+        let mut third = encoder(device);
+        pass.record(device, &mut third, 500, 45, 1);
+        drop(dropped);
+        drop(finished.finish());
+        queue.submit([third.finish(), second.finish()]);
+        queue.submit([first.finish()]);
+        let expected: Vec<u32> = (100..103)
+            .chain(200..240)
+            .chain(300..302)
+            .chain(500..501)
+            .collect();
+        assert_eq!(pass.read(device, queue)[..46], expected);
+    }
+
+    /// A page serves one recording after the other, and no more are made than are under way.
+    #[test]
+    fn pages_come_back() {
+        let (device, queue) = &device();
+        let pass = Pass::new(device);
+        for frame in 0..20 {
+            let mut encoders = [encoder(device), encoder(device)];
+            for (i, encoder) in (0..).zip(&mut encoders) {
+                pass.record(device, encoder, 1000 * i + frame, 20 * i + frame, 1);
+            }
+            assert_eq!(pass.pages(), 0, "frame {frame}");
+            queue.submit(encoders.map(CommandEncoder::finish));
+            wait(device);
+            assert_eq!(pass.pages(), 2, "frame {frame}");
+        }
+        let expected: Vec<u32> = (0..20).chain(1000..1020).collect();
+        assert_eq!(pass.read(device, queue)[..40], expected);
+        // An encoder that is never submitted takes its page along.
+        let mut dropped = encoder(device);
+        pass.record(device, &mut dropped, 0, 0, 1);
+        drop(dropped.finish());
+        wait(device);
+        assert_eq!(pass.pages(), 1);
+    }
+}
