@@ -10,12 +10,13 @@
 //! * `computed_share`: pixels that were computed, of all levels, over the pixels of the image; `level_shares`: of each
 //!   level, over that level's own.
 
-use std::{path::Path, process::ExitCode};
+use std::process::ExitCode;
 
 use clap::Parser;
 use deep_screen_space::scenes;
 use serde::Serialize;
 use support::{
+    bench,
     errors::rmse,
     gpu::{Ask, Gpu},
     multires::{Masked, read_image},
@@ -27,7 +28,7 @@ use support::{
 #[command(about)]
 struct Options {
     /// `WIDTHxHEIGHT`, any number of times; without, 1280x720, 1920x1080 and 3840x2160.
-    #[arg(long, value_parser = parse_size)]
+    #[arg(long, value_parser = bench::parse_size)]
     size: Vec<[u32; 2]>,
     /// One of the crate's scenes, any number of times; without, all.
     #[arg(long)]
@@ -51,14 +52,6 @@ struct Options {
     /// What cargo adds; without a meaning here.
     #[arg(long, hide = true)]
     bench: bool,
-}
-
-fn parse_size(text: &str) -> Result<[u32; 2], String> {
-    let sides: Option<Vec<u32>> = text.split('x').map(|n| n.parse().ok()).collect();
-    match sides.as_deref() {
-        Some(&[width, height]) if width > 0 && height > 0 => Ok([width, height]),
-        _ => Err(format!("{text} is no size, such as 1280x720")),
-    }
 }
 
 #[derive(Serialize)]
@@ -189,11 +182,7 @@ fn run(options: &Options) -> Result<(), String> {
         }
     }
     print_means(&rows);
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/bench");
-    std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-    let text = serde_json::to_string_pretty(&rows).map_err(|e| e.to_string())?;
-    let path = folder.join("multires.json");
-    std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))
+    bench::write_rows("multires", &rows)
 }
 
 fn measure(

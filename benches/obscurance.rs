@@ -6,11 +6,12 @@
 //! submission at the full size, the fastest of many that take turns. Prints a table and writes
 //! `target/bench/obscurance.json`.
 
-use std::{path::Path, process::ExitCode};
+use std::process::ExitCode;
 
+use clap::Parser;
 use deep_screen_space::{
     BallSamples, Camera, DepthMoments, DiskSamples, NormalEncoding, NormalSpace, Normals,
-    ObscuranceInput, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume, Viewport,
+    ObscuranceInput, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume,
     VolumetricObscurance, VolumetricObscuranceDescriptor,
     glam::DVec3,
     reference::{
@@ -24,8 +25,8 @@ use deep_screen_space::{
 };
 use rayon::prelude::*;
 use support::{
+    bench,
     gpu::{Ask, Gpu},
-    raster::perspective,
 };
 
 /// What is compared, and the box's half width where it has one.
@@ -82,19 +83,7 @@ struct Effort {
 impl Stage {
     fn new(gpu: &Gpu, scene: &Scene, volume: ObscuranceVolume, effort: &Effort) -> Self {
         let [width, height] = effort.size;
-        let view = &scene.views[0];
-        let camera = Camera::look_at(
-            view.eye.into(),
-            view.target.into(),
-            view.up.into(),
-            perspective(
-                view.vertical_fov_degrees,
-                f64::from(width) / f64::from(height),
-                view.near,
-            ),
-            Viewport::full(width, height),
-        )
-        .expect("a scene's own view");
+        let camera = bench::camera_of(scene, [width, height]);
         let tracer = Tracer::new(&scene.positions, &scene.indices).expect("a valid mesh");
         let pixels: Vec<Option<Pixel>> = cast(
             &camera,
@@ -226,8 +215,20 @@ fn settings(radius: f32, box_half_width: f32) -> ObscuranceSettings {
     }
 }
 
+/// Volumetric obscurance by lines, points and areas: error and time of each beside the others, in one run.
+#[derive(Parser)]
+#[command(about)]
+struct Options {
+    /// Few scenes, small pictures, and times that are not asserted.
+    #[arg(long)]
+    quick: bool,
+    /// What cargo adds; without a meaning here.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
 fn main() -> ExitCode {
-    let quick = std::env::args().any(|a| a == "--quick");
+    let Options { quick, .. } = Options::parse();
     let gpu = Gpu::open(Ask::All).expect("a graphics adapter");
     println!("{}", gpu.name());
     let effort = if quick {
@@ -342,10 +343,7 @@ fn main() -> ExitCode {
         // On a shared machine the time of a small picture says little.
         holds &= better && (faster || quick);
     }
-    let folder = Path::new("target/bench");
-    std::fs::create_dir_all(folder).expect("target can be written");
-    let text = serde_json::to_string_pretty(&rows).expect("rows are plain");
-    std::fs::write(folder.join("obscurance.json"), text).expect("target can be written");
+    bench::write_rows("obscurance", &rows).expect("target can be written");
     if holds {
         ExitCode::SUCCESS
     } else {

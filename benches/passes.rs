@@ -8,10 +8,11 @@
 //! The loop is f32, multi-threaded and vectorised by the compiler over the 64 pixels of a unit. It is handed the surfels
 //! of each unit, binned beforehand: its time has no culling in it, that of the splat has.
 
-use std::{path::Path, time::Instant};
+use std::time::Instant;
 
+use clap::Parser;
 use deep_screen_space::{
-    AmbientOcclusion, Camera, CloudCapacity, SplatSettings, Viewport,
+    AmbientOcclusion, Camera, CloudCapacity, SplatSettings,
     glam::{DVec3, Vec3},
     reference::{packing::unpack_normal, shell_splatter::pixel_of},
     scenes,
@@ -19,9 +20,10 @@ use deep_screen_space::{
 use rayon::prelude::*;
 use support::{
     ambient_occlusion::Renderer,
+    bench,
     gpu::{Ask, Gpu},
     presets,
-    raster::{Raster, perspective},
+    raster::Raster,
     scene::SceneBuffers,
 };
 
@@ -48,8 +50,20 @@ struct Unit {
     surfels: Vec<(u32, f32, f32)>,
 }
 
+/// Time of each pass, and pairs of surfels and pixels per second, beside the same work in a Rust loop.
+#[derive(Parser)]
+#[command(about)]
+struct Options {
+    /// Two scenes, and small pictures.
+    #[arg(long)]
+    quick: bool,
+    /// What cargo adds; without a meaning here.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
 fn main() {
-    let quick = std::env::args().any(|a| a == "--quick");
+    let Options { quick, .. } = Options::parse();
     let gpu = Gpu::open(Ask::All).expect("a graphics adapter");
     println!("{}", gpu.name());
     println!(
@@ -78,15 +92,15 @@ fn main() {
         &["cornell", "closed_room", "fence", "colonnade"]
     };
     let mut rows = Vec::new();
+    let bar = bench::progress(names.len() * presets::NAMES.len());
     for &name in names {
         for preset in presets::NAMES {
-            rows.push(measure(&gpu, name, preset, size));
+            rows.push(bar.suspend(|| measure(&gpu, name, preset, size)));
+            bar.inc(1);
         }
     }
-    let folder = Path::new("target/bench");
-    std::fs::create_dir_all(folder).expect("target can be written");
-    let text = serde_json::to_string_pretty(&rows).expect("rows are plain");
-    std::fs::write(folder.join("passes.json"), text).expect("target can be written");
+    bar.finish_and_clear();
+    bench::write_rows("passes", &rows).expect("target can be written");
 }
 
 fn measure(
@@ -96,19 +110,7 @@ fn measure(
     [width, height]: [u32; 2],
 ) -> serde_json::Value {
     let scene = scenes::by_name(name).expect("a scene of the crate");
-    let view = &scene.views[0];
-    let camera = Camera::look_at(
-        view.eye.into(),
-        view.target.into(),
-        view.up.into(),
-        perspective(
-            view.vertical_fov_degrees,
-            f64::from(width) / f64::from(height),
-            view.near,
-        ),
-        Viewport::full(width, height),
-    )
-    .expect("a scene's own view");
+    let camera = bench::camera_of(&scene, [width, height]);
     // Bounded, so that there is a square to cover.
     let mut preset = presets::preset(preset_name, f32::INFINITY).expect("a preset");
     preset.splat.unbounded = false;

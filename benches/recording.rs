@@ -5,11 +5,9 @@
 //! view stays: what is kept from frame to frame is there by then. Pictures are small, since what the GPU does is not measured.
 //! Writes `target/bench/recording.json`.
 
-use std::{
-    path::Path,
-    time::{Duration, Instant},
-};
+use std::time::{Duration, Instant};
 
+use clap::Parser;
 use deep_screen_space::{
     AmbientOcclusion, BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, BvhBuilder,
     Camera, Channels, CloudCapacity, ClusterInput, Components, DiskSamples, Error, FrameInput,
@@ -27,6 +25,7 @@ use deep_screen_space::{
     wgpu::{self, CommandEncoder, TextureFormat as Format},
 };
 use support::{
+    bench,
     gpu::{Ask, Gpu},
     raster::{Raster, perspective},
     scene::SceneBuffers,
@@ -59,8 +58,20 @@ struct Bench {
 
 type Rows = Vec<serde_json::Value>;
 
+/// What a frame of each method costs on the CPU.
+#[derive(Parser)]
+#[command(about)]
+struct Options {
+    /// Few frames.
+    #[arg(long)]
+    quick: bool,
+    /// What cargo adds; without a meaning here.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
 fn main() {
-    let quick = std::env::args().any(|a| a == "--quick");
+    let Options { quick, .. } = Options::parse();
     let gpu = Gpu::open(Ask::Floor).expect("a graphics adapter");
     println!("{}", gpu.name());
     println!(
@@ -101,10 +112,7 @@ fn main() {
     ] {
         method(&bench, &mut rows).expect("what is right is accepted");
     }
-    let folder = Path::new("target/bench");
-    std::fs::create_dir_all(folder).expect("target can be written");
-    let text = serde_json::to_string_pretty(&rows).expect("rows are plain");
-    std::fs::write(folder.join("recording.json"), text).expect("target can be written");
+    bench::write_rows("recording", &rows).expect("target can be written");
 }
 
 impl Bench {

@@ -1,22 +1,23 @@
 //! The hull against gathering the same 256 lights at every pixel, in one run.
 //!
-//! `cargo bench --bench sg_hull [-- WIDTHxHEIGHT …] [--scene NAME …]` prints a table and writes `target/bench/sg_hull.json`: rows
-//! of scene, width, height, `per_pixel_ms`, `hull_ms`, speedup, `rel_rmse`, energy, `ratio_p9999`, ssim, vertices, gathered
-//! (points that light is gathered at for quads and for their parts), splits, exact (the share of pixels that are gathered each
-//! for itself), uncovered, `fallback_pixels`. `--error-threshold X` sets the bound, `--runs N` of how many the best counts (2;
-//! one more goes first). Without sizes those of the paper are taken, 1280x720 to 3840x2400; a software driver needs minutes for
-//! the largest.
+//! `cargo bench --bench sg_hull [-- WIDTHxHEIGHT …] [--scene NAME …]` (`--help`) prints a table and writes
+//! `target/bench/sg_hull.json`: rows of scene, width, height, `per_pixel_ms`, `hull_ms`, speedup, `rel_rmse`, energy,
+//! `ratio_p9999`, ssim, vertices, gathered (points that light is gathered at for quads and for their parts), splits, exact (the
+//! share of pixels that are gathered each for itself), uncovered, `fallback_pixels`. `--error-threshold X` sets the bound,
+//! `--runs N` of how many the best counts (2; one more goes first). Without sizes those of the paper are taken, 1280x720 to
+//! 3840x2400; a software driver needs minutes for the largest.
 
-use std::{hint::black_box, path::Path, time::Instant};
+use std::{hint::black_box, time::Instant};
 
+use clap::Parser;
 use deep_screen_space::{
-    Camera, Components, SgHullSettings, SgHullSize, Viewport, glam::DVec3, scenes,
-    spherical_gaussian::SphericalGaussian,
+    Components, SgHullSettings, SgHullSize, scenes, spherical_gaussian::SphericalGaussian,
 };
 use support::{
+    bench,
     gpu::{Ask, Gpu},
     hull::{HullRenderer, LightSource, difference},
-    raster::{Raster, perspective},
+    raster::Raster,
     scene::SceneBuffers,
 };
 
@@ -28,8 +29,39 @@ const SIZES: [([u32; 2], f64); 4] = [
     ([3840, 2400], 16.8),
 ];
 
+/// The hull against gathering the same 256 lights at every pixel, in one run.
+#[derive(Parser)]
+#[command(about)]
+struct Options {
+    /// `WIDTHxHEIGHT`, any number of times; without, those of the paper, 1280x720 to 3840x2400.
+    #[arg(value_parser = bench::parse_size)]
+    sizes: Vec<[u32; 2]>,
+    /// One of the crate's scenes, any number of times; without, cornell, colonnade and dominoes.
+    #[arg(long)]
+    scene: Vec<String>,
+    /// `SgHullSettings::error_threshold`.
+    #[arg(long)]
+    error_threshold: Option<f32>,
+    /// Of how many runs the fastest counts; one more goes first.
+    #[arg(long, default_value_t = 2)]
+    runs: usize,
+    /// What cargo adds; without a meaning here.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
 fn main() {
-    let (sizes, names, settings, runs) = arguments();
+    let mut options = Options::parse();
+    if options.sizes.is_empty() {
+        options.sizes = SIZES.iter().map(|(size, _)| *size).collect();
+    }
+    if options.scene.is_empty() {
+        options.scene = ["cornell", "colonnade", "dominoes"]
+            .map(String::from)
+            .into();
+    }
+    let mut settings = SgHullSettings::default();
+    settings.error_threshold = options.error_threshold.unwrap_or(settings.error_threshold);
     integrals();
     let gpu = Gpu::open(Ask::from_env()).expect("a graphics adapter");
     println!("{}", gpu.name());
@@ -53,52 +85,15 @@ fn main() {
         "fallback"
     );
     let mut rows = Vec::new();
-    for size in &sizes {
-        for name in &names {
-            rows.push(measure(&gpu, name, *size, settings, runs));
+    let bar = bench::progress(options.sizes.len() * options.scene.len());
+    for size in &options.sizes {
+        for name in &options.scene {
+            rows.push(bar.suspend(|| measure(&gpu, name, *size, settings, options.runs)));
+            bar.inc(1);
         }
     }
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("../bench");
-    std::fs::create_dir_all(&folder).expect("target can be written");
-    let text = serde_json::to_string_pretty(&rows).expect("numbers and names");
-    std::fs::write(folder.join("sg_hull.json"), text).expect("target can be written");
-}
-
-fn arguments() -> (Vec<[u32; 2]>, Vec<String>, SgHullSettings, usize) {
-    let (mut sizes, mut names) = (Vec::new(), Vec::new());
-    let mut settings = SgHullSettings::default();
-    // A shared machine only ever adds time.
-    let mut runs = 2;
-    let mut arguments = std::env::args().skip(1);
-    while let Some(argument) = arguments.next() {
-        if argument == "--scene" {
-            names.extend(arguments.next());
-        } else if argument == "--error-threshold" {
-            let value = arguments.next().and_then(|v| v.parse().ok());
-            settings.error_threshold = value.expect("--error-threshold takes a number");
-        } else if argument == "--runs" {
-            let value = arguments.next().and_then(|v| v.parse().ok());
-            runs = value.expect("--runs takes a number");
-        } else if let Some((w, h)) = argument.split_once('x')
-            && let (Ok(w), Ok(h)) = (w.parse(), h.parse())
-        {
-            sizes.push([w, h]);
-        } else if argument != "--bench" {
-            eprintln!(
-                "{argument} is none of WIDTHxHEIGHT, --scene NAME, --error-threshold X and --runs N"
-            );
-            std::process::exit(2);
-        }
-    }
-    if sizes.is_empty() {
-        sizes = SIZES.iter().map(|(size, _)| *size).collect();
-    }
-    if names.is_empty() {
-        names = ["cornell", "colonnade", "dominoes"]
-            .map(String::from)
-            .into();
-    }
-    (sizes, names, settings, runs)
+    bar.finish_and_clear();
+    bench::write_rows("sg_hull", &rows).expect("target can be written");
 }
 
 /// Time of one cosine integral in f32 on one core, by either closed form.
@@ -127,16 +122,7 @@ fn measure(
     runs: usize,
 ) -> serde_json::Value {
     let scene = scenes::by_name(name).expect("a scene");
-    let view = &scene.views[0];
-    let aspect = f64::from(width) / f64::from(height);
-    let camera = Camera::look_at(
-        view.eye.into(),
-        view.target.into(),
-        DVec3::from(view.up),
-        perspective(view.vertical_fov_degrees, aspect, view.near),
-        Viewport::full(width, height),
-    )
-    .expect("a camera");
+    let camera = bench::camera_of(&scene, [width, height]);
     let buffers = SceneBuffers::new(gpu, &scene);
     let raster = Raster::draw(gpu, &buffers, &camera);
     let size = SgHullSize::new(width, height);

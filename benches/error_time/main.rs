@@ -41,6 +41,7 @@ use light::{BouncedLight, Marched};
 use method::{Measurement, Method};
 use splat::Splat;
 use stage::{Effect, Effort, Stage};
+use support::bench;
 use support::gpu::{Ask, Gpu};
 use table::Row;
 
@@ -146,10 +147,8 @@ fn run(options: &Options) -> Result<(), String> {
 
 /// Writes the files, and prints what no other setting beats.
 fn report(rows: &[Row]) -> Result<(), String> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/bench");
-    std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-    let json = serde_json::to_string_pretty(rows).map_err(|e| e.to_string())?;
-    save(&folder.join("error-time.json"), &json)?;
+    let folder = bench::folder()?;
+    bench::write_rows("error-time", rows)?;
     save(&folder.join("error-time.csv"), &table::csv(rows)?)?;
     let mut knobs = Vec::new();
     for (title, name, bounded) in [

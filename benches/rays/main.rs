@@ -18,8 +18,15 @@
 //! `obvhs`, whose children are in the order of the ray's octant. `--counts` measures nothing else.
 
 mod obvhs_rays;
-use std::{cell::Cell, collections::BTreeMap, fs::File, path::Path, time::Instant};
+use std::{
+    cell::Cell,
+    collections::BTreeMap,
+    fs::File,
+    path::{Path, PathBuf},
+    time::Instant,
+};
 
+use clap::Parser;
 use deep_screen_space::{
     Camera, CloudCapacity, Light, Payload, Sampling, Viewport,
     glam::DVec3,
@@ -34,6 +41,7 @@ use obvhs_rays::Best;
 use rayon::prelude::*;
 use serde::Deserialize;
 use support::{
+    bench,
     bounced::BouncedRenderer,
     gltf::load_gltf,
     gpu::{Ask, Gpu},
@@ -53,12 +61,33 @@ const GRID: [u32; 2] = [4, 4];
 const NODE_BYTES: f64 = 80.0;
 const TRIANGLE_BYTES: f64 = 48.0;
 
-/// What the command line asks for.
+/// Rays of the bounced z-buffer: time by what is asked of them, beside a ray tracer on the CPU.
+#[derive(Parser)]
+#[command(about)]
 struct Options {
-    size: [u32; 2],
-    counts_alone: bool,
+    /// The crate's scenes or glTF files; without, cornell, colonnade, dominoes and `closed_room`.
+    scenes: Vec<String>,
+    /// Small pictures.
+    #[arg(long)]
+    quick: bool,
+    /// Counts, and no times.
+    #[arg(long)]
+    counts: bool,
+    /// Of ambient occlusion, world units; without, what suits the crate's own scene.
+    #[arg(long)]
     radius: Option<f32>,
-    cameras: BTreeMap<String, Vec<Shot>>,
+    /// A JSON file of cameras by scene, as the example `render` reads them.
+    #[arg(long)]
+    cameras: Option<PathBuf>,
+    /// What cargo adds; without a meaning here.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+impl Options {
+    fn size(&self) -> [u32; 2] {
+        if self.quick { [128, 128] } else { [512, 512] }
+    }
 }
 
 /// A camera of a file of them.
@@ -73,35 +102,22 @@ struct Shot {
 }
 
 fn main() {
-    let mut options = Options {
-        size: [512, 512],
-        counts_alone: false,
-        radius: None,
-        cameras: BTreeMap::new(),
-    };
-    let mut names: Vec<String> = Vec::new();
-    let mut arguments = std::env::args().skip(1);
-    while let Some(argument) = arguments.next() {
-        let mut value = || arguments.next().expect("a value");
-        match argument.as_str() {
-            "--quick" => options.size = [128, 128],
-            "--counts" => options.counts_alone = true,
-            "--radius" => options.radius = Some(value().parse().expect("a number")),
-            "--cameras" => {
-                let file = File::open(value()).expect("a file");
-                options.cameras = serde_json::from_reader(file).expect("cameras by scene");
-            }
-            name if name.starts_with("--") => {}
-            name => names.push(name.into()),
-        }
-    }
-    if names.is_empty() {
-        names = ["cornell", "colonnade", "dominoes", "closed_room"]
+    let mut options = Options::parse();
+    if options.scenes.is_empty() {
+        options.scenes = ["cornell", "colonnade", "dominoes", "closed_room"]
             .map(String::from)
             .into();
     }
+    let cameras: BTreeMap<String, Vec<Shot>> = options
+        .cameras
+        .as_ref()
+        .map(|path| {
+            let file = File::open(path).expect("a file");
+            serde_json::from_reader(file).expect("cameras by scene")
+        })
+        .unwrap_or_default();
     let gpu = Gpu::open(Ask::All).expect("a graphics adapter");
-    let [width, height] = options.size;
+    let [width, height] = options.size();
     println!(
         "{}, {width}x{height} pixels, {RAYS_PER_PIXEL} rays per pixel",
         gpu.name()
@@ -123,7 +139,8 @@ fn main() {
         "Mrays/s"
     );
     let mut rows = Vec::new();
-    for name in &names {
+    let bar = bench::progress(options.scenes.len());
+    for name in &options.scenes {
         let (scene, origin) = scenes::by_name(name)
             .map_or_else(
                 || from_file(name.as_ref()),
@@ -132,11 +149,11 @@ fn main() {
             .expect("a scene or a glTF file");
         let path: &Path = name.as_ref();
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        match options.cameras.get(&*stem) {
+        bar.suspend(|| match cameras.get(&*stem) {
             Some(shots) => {
                 for shot in shots {
                     let label = format!("{stem}/{}", shot.name);
-                    let camera = aimed(shot, origin, options.size);
+                    let camera = aimed(shot, origin, options.size());
                     rows.push(measure(&gpu, &scene, &label, &camera, &options));
                 }
             }
@@ -144,15 +161,14 @@ fn main() {
                 &gpu,
                 &scene,
                 &stem,
-                &camera_of(&scene, options.size),
+                &camera_of(&scene, options.size()),
                 &options,
             )),
-        }
+        });
+        bar.inc(1);
     }
-    let folder = Path::new("target/bench");
-    std::fs::create_dir_all(folder).expect("target can be written");
-    let text = serde_json::to_string_pretty(&rows).expect("rows are plain");
-    std::fs::write(folder.join("rays.json"), text).expect("target can be written");
+    bar.finish_and_clear();
+    bench::write_rows("rays", &rows).expect("target can be written");
 }
 
 /// A camera relative to an origin.
@@ -225,7 +241,7 @@ fn measure(
     camera: &Camera,
     options: &Options,
 ) -> serde_json::Value {
-    let size = options.size;
+    let size = options.size();
     let buffers = SceneBuffers::new(gpu, scene);
     let raster = Raster::draw(gpu, &buffers, camera);
     let triangles = buffers.triangles();
@@ -302,7 +318,7 @@ fn measure(
         }
         all
     };
-    if options.counts_alone {
+    if options.counts {
         println!("{name:24} {triangles:>9}");
         return serde_json::json!({ "scene": name, "triangles": triangles, "counts": print_counts() });
     }

@@ -5,6 +5,7 @@
 
 pub mod ambient_occlusion;
 pub mod arguments;
+pub mod bench;
 pub mod bounced;
 pub mod decoding;
 pub mod depth_only;
