@@ -260,11 +260,7 @@ fn main() -> ExitCode {
         let passes: Vec<_> = METHODS
             .iter()
             .map(|&(_, sampling, _)| {
-                let descriptor = VolumetricObscuranceDescriptor {
-                    sampling,
-                    volume,
-                    cache: None,
-                };
+                let descriptor = VolumetricObscuranceDescriptor { sampling, volume };
                 VolumetricObscurance::new(&gpu.device, &descriptor).expect("pipelines")
             })
             .collect();

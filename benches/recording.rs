@@ -181,7 +181,7 @@ impl Bench {
 
 /// One draw, and many of a few triangles each.
 fn surfels(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
-    let surfelizer = Surfelizer::new(bench.device(), None)?;
+    let surfelizer = Surfelizer::new(bench.device())?;
     let all = bench.buffers.meshes()[0];
     let each = (all.count / 3).div_ceil(DRAWS) * 3;
     let many: Vec<Mesh<'_>> = (0..DRAWS)
@@ -214,16 +214,15 @@ fn splatted(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
     let camera = &bench.camera;
     let effect = AmbientOcclusion::default().effect();
     let settings = SplatSettings::default();
-    let surfelizer = Surfelizer::new(device, None)?;
+    let surfelizer = Surfelizer::new(device)?;
     let descriptor = ShellSplatterDescriptor {
         effect: &effect,
         subgroups: false,
         statistics: false,
-        cache: None,
     };
     let splatter = ShellSplatter::new(device, &descriptor)?;
-    let reconstructor = splatter.reconstructor(device, Format::R32Float, None)?;
-    let decoder = GBufferDecoder::new(device, None)?;
+    let reconstructor = splatter.reconstructor(device, Format::R32Float)?;
+    let decoder = GBufferDecoder::new(device)?;
     let mut receivers = decoder.create_receivers(device, SIDE, SIDE)?;
     let mut cloud = surfelizer.create_cloud(device, CAPACITY)?;
     let mut clusters = splatter.create_clusters(device, &cloud, settings.levels)?;
@@ -274,11 +273,11 @@ fn splatted(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
 fn bounced(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
     let device = bench.device();
     let camera = &bench.camera;
-    let surfelizer = Surfelizer::new(device, None)?;
-    let builder = BvhBuilder::new(device, Primitives::Triangles, None)?;
-    let shader = SurfelShader::new(device, None)?;
+    let surfelizer = Surfelizer::new(device)?;
+    let builder = BvhBuilder::new(device, Primitives::Triangles)?;
+    let shader = SurfelShader::new(device)?;
     let meshes = bench.buffers.meshes();
-    let decoder = GBufferDecoder::new(device, None)?;
+    let decoder = GBufferDecoder::new(device)?;
     let mut receivers = decoder.create_receivers(device, SIDE, SIDE)?;
     for (name, payload) in [
         ("occlusion, bounced", Payload::Occlusion),
@@ -290,8 +289,8 @@ fn bounced(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
             ..BouncedDescriptor::default()
         };
         let has_surfels = payload == Payload::Radiance;
-        let tracer = BouncedZBuffer::new(device, &descriptor, None)?;
-        let resolver = tracer.resolver(device, Format::Rgba16Float, false, None)?;
+        let tracer = BouncedZBuffer::new(device, &descriptor)?;
+        let resolver = tracer.resolver(device, Format::Rgba16Float, false)?;
         let mut cloud = surfelizer.create_cloud(
             device,
             CloudCapacity {
@@ -371,11 +370,7 @@ fn obscurance(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
             ObscuranceVolume::Sphere,
         ),
     ] {
-        let descriptor = VolumetricObscuranceDescriptor {
-            sampling,
-            volume,
-            cache: None,
-        };
+        let descriptor = VolumetricObscuranceDescriptor { sampling, volume };
         let pass = VolumetricObscurance::new(device, &descriptor)?;
         let has_moments = volume == ObscuranceVolume::Sphere;
         let moments = pass.create_moments(device, SIDE, SIDE)?;
@@ -404,15 +399,14 @@ fn obscurance(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
 fn multi_resolution(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
     let device = bench.device();
     let camera = &bench.camera;
-    let mask = MultiResMask::new(device, None)?;
+    let mask = MultiResMask::new(device)?;
     let settings = MultiResMaskSettings::OCCLUSION;
     let descriptor = VolumetricObscuranceDescriptor {
         sampling: ObscuranceSampling::Lines(DiskSamples::Five),
         volume: ObscuranceVolume::Sphere,
-        cache: None,
     };
     let effect = VolumetricObscurance::new(device, &descriptor)?;
-    let blend = MultiResReconstructor::new(device, Channels::One, Format::R32Float, None)?;
+    let blend = MultiResReconstructor::new(device, Channels::One, Format::R32Float)?;
     let mut masks = mask.create_view(device, SIDE, SIDE, false)?;
     let images = blend.create_images(device, SIDE, SIDE, &settings)?;
     let target = bench.gpu.target(Format::R32Float, SIDE, SIDE);
@@ -465,9 +459,8 @@ fn hull(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
         albedo: false,
         glossy: false,
         components: Components::default(),
-        cache: None,
     };
-    let decoder = GBufferDecoder::new(device, None)?;
+    let decoder = GBufferDecoder::new(device)?;
     let mut receivers = decoder.create_receivers(device, SIDE, SIDE)?;
     let hull = SgHull::new(device, &descriptor)?;
     let view = hull.create_view(device, SgHullSize::new(SIDE, SIDE))?;
@@ -488,9 +481,9 @@ fn hull(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
 /// The mean over frames of a picture.
 fn temporal(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
     let device = bench.device();
-    let decoder = GBufferDecoder::new(device, None)?;
+    let decoder = GBufferDecoder::new(device)?;
     let mut receivers = decoder.create_receivers(device, SIDE, SIDE)?;
-    let frames = TemporalAccumulator::new(device, Channels::Three, Format::Rgba16Float, None)?;
+    let frames = TemporalAccumulator::new(device, Channels::Three, Format::Rgba16Float)?;
     let mut history = frames.create_history(device, SIDE, SIDE)?;
     let target = bench.gpu.target(Format::Rgba16Float, SIDE, SIDE);
     bench.measure(rows, "temporal", |encoder| {

@@ -43,11 +43,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let target = gpu.target(format, WIDTH, HEIGHT);
 
     // Once: pipelines.
-    let decoder = GBufferDecoder::new(device, None)?;
-    let surfelizer = Surfelizer::new(device, None)?;
-    let builder = BvhBuilder::new(device, Primitives::Triangles, None)?;
-    let tracer = BouncedZBuffer::new(device, &BouncedDescriptor::default(), None)?;
-    let resolver = tracer.resolver(device, format, false, None)?;
+    let decoder = GBufferDecoder::new(device)?;
+    let surfelizer = Surfelizer::new(device)?;
+    let builder = BvhBuilder::new(device, Primitives::Triangles)?;
+    let tracer = BouncedZBuffer::new(device, &BouncedDescriptor::default())?;
+    let resolver = tracer.resolver(device, format, false)?;
 
     // Once a scene: room for its triangles. Once a view: textures of its size.
     let rays = BouncedSettings {

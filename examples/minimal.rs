@@ -42,7 +42,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // Once per scene, and once per view and effect.
     let radius = scene.ao_radius;
     let effect = RayTracedEffect::AmbientOcclusion { radius };
-    let mut traced = RayTracedScene::new(device, None)?;
+    let mut traced = RayTracedScene::new(device)?;
     let descriptor = RayTracedViewDescriptor::new(effect, Quality::Balanced, format);
     let mut occlusion = RayTracedView::new(device, &descriptor)?;
 

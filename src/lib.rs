@@ -63,7 +63,7 @@
 //!     let effect = RayTracedEffect::AmbientOcclusion { radius: 2.0 };
 //!     let format = wgpu::TextureFormat::R8Unorm;
 //!     let descriptor = RayTracedViewDescriptor::new(effect, Quality::Balanced, format);
-//!     let mut scene = RayTracedScene::new(device, None)?;
+//!     let mut scene = RayTracedScene::new(device)?;
 //!     let mut occlusion = RayTracedView::new(device, &descriptor)?;
 //!
 //!     // Every frame: the scene, for all its views, and each view's picture.
@@ -140,7 +140,7 @@ pub use geometry::{
     Geometry, IndexFormat, Indices, Instances, Material, Mesh, PositionFormat, TransformFormat,
     Vertices,
 };
-pub use gpu::Timestamps;
+pub use gpu::{Timestamps, compiler::Compiler};
 pub use hit_resolver::{
     HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverView,
     settings::HitResolverSettings,

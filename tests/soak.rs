@@ -184,7 +184,7 @@ fn memory_stays() {
     let camera = &shot.camera;
     let gbuffer = shot.lit_gbuffer();
     let meshes = shot.buffers.meshes();
-    let surfelizer = Surfelizer::new(device, None).expect("pipelines");
+    let surfelizer = Surfelizer::new(device).expect("pipelines");
     let capacity = CloudCapacity {
         surfels: 4096,
         pieces: 4096,
@@ -212,13 +212,13 @@ fn memory_stays() {
         payload: Payload::Occlusion,
         ..BouncedDescriptor::default()
     };
-    let tracer = BouncedZBuffer::new(device, &bounced, None).expect("pipelines");
-    let builder = BvhBuilder::new(device, Primitives::Triangles, None).expect("pipelines");
+    let tracer = BouncedZBuffer::new(device, &bounced).expect("pipelines");
+    let builder = BvhBuilder::new(device, Primitives::Triangles).expect("pipelines");
     let bvh = builder.create(device, &cloud).expect("room");
     builder
         .record(device, &mut encoder, &cloud, &bvh, None)
         .expect("a hierarchy");
-    let shader = SurfelShader::new(device, None).expect("pipelines");
+    let shader = SurfelShader::new(device).expect("pipelines");
     let lamp = Light::Point {
         position: DVec3::new(0.5, 0.9, 0.5),
         intensity: [1.0; 3],
@@ -243,7 +243,6 @@ fn memory_stays() {
         effect: &effect,
         subgroups: false,
         statistics: false,
-        cache: None,
     };
     let splatter = ShellSplatter::new(device, &descriptor).expect("pipelines");
     let splat = SplatSettings::default();
@@ -259,7 +258,7 @@ fn memory_stays() {
     splatter
         .record_clusters(device, &mut encoder, &input, &splat, &mut clusters)
         .expect("clusters");
-    let decoder = GBufferDecoder::new(device, None).expect("pipelines");
+    let decoder = GBufferDecoder::new(device).expect("pipelines");
     let frame_input = FrameInput {
         origin: cloud.origin(),
         ..FrameInput::new(gbuffer, camera)
@@ -283,7 +282,7 @@ fn memory_stays() {
         .record(device, &mut encoder, &input, &splat, &sums)
         .expect("sums");
     let format = Format::R32Float;
-    let reconstructor = Reconstructor::new(device, &effect, format, None).expect("pipelines");
+    let reconstructor = Reconstructor::new(device, &effect, format).expect("pipelines");
     let target = gpu.storage(format, SIDE, SIDE);
     let target = target.texture();
     let input = ReconstructorInput::new(&frame, &sums, target);
@@ -315,7 +314,7 @@ fn memory_stays() {
         deferred: false,
         target: format,
     };
-    let gatherer = HitResolver::new(device, &descriptor, None).expect("pipelines");
+    let gatherer = HitResolver::new(device, &descriptor).expect("pipelines");
     let input = HitResolverInput::new(&frame, &hits, target);
     soak.pass("hits", |encoder| {
         let means = gatherer.create_view(device, &hits)?;
@@ -332,7 +331,7 @@ fn screen_passes(soak: &mut Soak<'_>, shot: &Shot) {
     let gpu = soak.gpu;
     let device = &gpu.device;
     let (camera, gbuffer) = (&shot.camera, shot.lit_gbuffer());
-    let mask = MultiResMask::new(device, None).expect("pipelines");
+    let mask = MultiResMask::new(device).expect("pipelines");
     let settings = MultiResMaskSettings::OCCLUSION;
     let input = MultiResMaskInput {
         gbuffer,
@@ -356,7 +355,7 @@ fn screen_passes(soak: &mut Soak<'_>, shot: &Shot) {
     let format = Format::R32Float;
     let target = gpu.storage(format, SIDE, SIDE);
     let target = target.texture().into();
-    let blend = MultiResReconstructor::new(device, Channels::One, format, None).expect("pipelines");
+    let blend = MultiResReconstructor::new(device, Channels::One, format).expect("pipelines");
     soak.pass("blend", |encoder| {
         let images = blend.create_images(device, SIDE, SIDE, &settings)?;
         let input = MultiResReconstructorInput {
@@ -370,7 +369,7 @@ fn screen_passes(soak: &mut Soak<'_>, shot: &Shot) {
         let settings = MultiResReconstructorSettings::default();
         blend.record(device, encoder, &input, &settings)
     });
-    let shadows = SoftShadows::new(device, None).expect("pipelines");
+    let shadows = SoftShadows::new(device).expect("pipelines");
     let light = Light::Point {
         position: camera.eye(),
         intensity: [1.0; 3],
@@ -387,7 +386,7 @@ fn screen_passes(soak: &mut Soak<'_>, shot: &Shot) {
     soak.pass("soft shadows", |encoder| {
         shadows.record(device, encoder, &input, &SoftShadowsSettings::default())
     });
-    let bounce = ScreenSpaceGi::new(device, None).expect("pipelines");
+    let bounce = ScreenSpaceGi::new(device).expect("pipelines");
     let colors = gpu.storage(Format::Rgba16Float, SIDE, SIDE);
     let input = ScreenSpaceGiInput {
         gbuffer,
@@ -403,7 +402,6 @@ fn screen_passes(soak: &mut Soak<'_>, shot: &Shot) {
     let descriptor = VolumetricObscuranceDescriptor {
         sampling: ObscuranceSampling::Areas(DiskSamples::Five),
         volume: ObscuranceVolume::Sphere,
-        cache: None,
     };
     let obscurance = VolumetricObscurance::new(device, &descriptor).expect("pipelines");
     soak.pass("obscurance", |encoder| {
@@ -420,9 +418,8 @@ fn screen_passes(soak: &mut Soak<'_>, shot: &Shot) {
         };
         obscurance.record(device, encoder, &input, &ObscuranceSettings::default())
     });
-    let frames =
-        TemporalAccumulator::new(device, Channels::Three, format, None).expect("pipelines");
-    let decoder = GBufferDecoder::new(device, None).expect("pipelines");
+    let frames = TemporalAccumulator::new(device, Channels::Three, format).expect("pipelines");
+    let decoder = GBufferDecoder::new(device).expect("pipelines");
     let mut encoder = gpu.encoder();
     let mut decoded = Decoded::on(device, &decoder, camera);
     let frame = decoded.frame(&mut encoder, gbuffer, camera, camera.focus());
@@ -451,7 +448,6 @@ fn hulls(soak: &mut Soak<'_>, shot: &Shot, lamp: Light) {
         albedo: false,
         glossy: false,
         components: Components::default(),
-        cache: None,
     };
     let hull = SgHull::new(device, &descriptor).expect("pipelines");
     let target = gpu.target(Format::Rgba16Float, SIDE, SIDE);
@@ -460,7 +456,7 @@ fn hulls(soak: &mut Soak<'_>, shot: &Shot, lamp: Light) {
         splits: 256,
         ..SgHullSize::new(SIDE, SIDE)
     };
-    let decoder = GBufferDecoder::new(device, None).expect("pipelines");
+    let decoder = GBufferDecoder::new(device).expect("pipelines");
     let mut encoder = gpu.encoder();
     let mut decoded = Decoded::on(device, &decoder, camera);
     let frame = decoded.frame(&mut encoder, shot.lit_gbuffer(), camera, camera.eye());

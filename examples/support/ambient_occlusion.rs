@@ -46,7 +46,7 @@ impl Renderer {
     ) -> Result<Self, deep_screen_space::Error> {
         let device = &gpu.device;
         let effect = effect.effect();
-        let surfelizer = Surfelizer::new(device, None)?;
+        let surfelizer = Surfelizer::new(device)?;
         let splatter = ShellSplatter::new(
             device,
             &ShellSplatterDescriptor {
@@ -55,11 +55,10 @@ impl Renderer {
                     .features()
                     .contains(ShellSplatter::optional_features()),
                 statistics,
-                cache: None,
             },
         )?;
         let format = wgpu::TextureFormat::R32Float;
-        let reconstructor = splatter.reconstructor(device, format, None)?;
+        let reconstructor = splatter.reconstructor(device, format)?;
         let cloud = surfelizer.create_cloud(device, capacity)?;
         let view = splatter.create_view(device, width, height, levels)?;
         Ok(Self {

@@ -37,16 +37,16 @@ impl TracedScene {
     /// Room for what the gatherer needs; unless it takes light from surfels none are made, and a capacity of 0 does.
     pub fn new(gpu: &Gpu, gatherer: &Gatherer, capacity: CloudCapacity) -> Result<Self, Error> {
         let device = &gpu.device;
-        let surfelizer = Surfelizer::new(device, None)?;
+        let surfelizer = Surfelizer::new(device)?;
         let cloud = surfelizer.create_cloud(device, capacity)?;
         let surfel_lighting = if gatherer.descriptor.payload == Payload::Radiance {
-            let shader = SurfelShader::new(device, None)?;
+            let shader = SurfelShader::new(device)?;
             let radiance = shader.create_radiance(device, &cloud)?;
             Some(SurfelLighting { shader, radiance })
         } else {
             None
         };
-        let builder = BvhBuilder::new(device, Primitives::Triangles, None)?;
+        let builder = BvhBuilder::new(device, Primitives::Triangles)?;
         Ok(Self {
             bvh: builder.create(device, &cloud)?,
             builder,
@@ -161,8 +161,8 @@ impl Gatherer {
             statistics,
             ..BouncedDescriptor::default()
         };
-        let bounced = BouncedZBuffer::new(device, &bounced, None)?;
-        let resolver = HitResolver::new(device, &descriptor, None)?;
+        let bounced = BouncedZBuffer::new(device, &bounced)?;
+        let resolver = HitResolver::new(device, &descriptor)?;
         let view = bounced.create_view(device, width, height, rays_per_pixel)?;
         Ok(Self {
             scratch: resolver.create_view(device, &view)?,

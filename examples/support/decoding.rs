@@ -14,7 +14,7 @@ pub struct Decoding {
 
 impl Decoding {
     pub fn new(gpu: &Gpu, [width, height]: [u32; 2]) -> Result<Self, Error> {
-        let decoder = GBufferDecoder::new(&gpu.device, None)?;
+        let decoder = GBufferDecoder::new(&gpu.device)?;
         Ok(Self {
             receivers: decoder.create_receivers(&gpu.device, width, height)?,
             decoder,

@@ -163,10 +163,9 @@ impl HullRenderer {
                 albedo: true,
                 glossy: roughness.is_some(),
                 components,
-                cache: None,
             },
         )?;
-        let map = ReflectiveShadowMap::new(device, None)?;
+        let map = ReflectiveShadowMap::new(device)?;
         Ok(Self {
             decoding: Decoding::new(gpu, [size.width, size.height])?,
             map_decoding: Decoding::new(gpu, [MAP, MAP])?,

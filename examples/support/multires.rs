@@ -33,7 +33,7 @@ impl Masked {
         [width, height]: [u32; 2],
     ) -> Result<Self, Error> {
         let device = &gpu.device;
-        let blend = MultiResReconstructor::new(device, effect.channels(), effect.format(), None)?;
+        let blend = MultiResReconstructor::new(device, effect.channels(), effect.format())?;
         Ok(Self {
             effect,
             settings,

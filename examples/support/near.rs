@@ -352,20 +352,19 @@ pub struct Passes {
 impl Passes {
     pub fn new(device: &wgpu::Device) -> Result<Self, Error> {
         Ok(Self {
-            mask: MultiResMask::new(device, None)?,
+            mask: MultiResMask::new(device)?,
             obscurance: BallSamples::ALL
                 .into_iter()
                 .map(|table| {
                     let descriptor = VolumetricObscuranceDescriptor {
                         sampling: ObscuranceSampling::Points(table),
                         volume: ObscuranceVolume::Hemisphere,
-                        cache: None,
                     };
                     Ok((table, VolumetricObscurance::new(device, &descriptor)?))
                 })
                 .collect::<Result<_, Error>>()?,
-            shadows: SoftShadows::new(device, None)?,
-            indirect: ScreenSpaceGi::new(device, None)?,
+            shadows: SoftShadows::new(device)?,
+            indirect: ScreenSpaceGi::new(device)?,
         })
     }
 

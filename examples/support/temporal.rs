@@ -25,7 +25,7 @@ impl Accumulation {
     ) -> Result<Self, Error> {
         let format = wgpu::TextureFormat::Rgba32Float;
         let device = &gpu.device;
-        let accumulator = TemporalAccumulator::new(device, Channels::Three, format, None)?;
+        let accumulator = TemporalAccumulator::new(device, Channels::Three, format)?;
         Ok(Self {
             history: accumulator.create_history(device, width, height)?,
             target: gpu.target(format, width, height),

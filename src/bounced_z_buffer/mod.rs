@@ -6,7 +6,7 @@ pub(crate) mod settings;
 pub(crate) mod view;
 
 use wgpu::{
-    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache, TextureFormat,
+    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, TextureFormat,
     TextureViewDimension,
 };
 
@@ -20,6 +20,7 @@ use crate::{
     bvh::{Bvh, Primitives},
     error::{Error, check_setting},
     geometry::Material,
+    gpu::compiler::Compiler,
     gpu::{
         Kernel, Timestamps,
         binding::{self, Kept, Layout, whole},
@@ -92,11 +93,11 @@ impl BouncedZBuffer {
     ///
     /// # Errors
     /// [`Error::Limit`] where the device was made with less than that; [`Error::Setting`] for levels out of range.
-    pub fn new(
-        device: &Device,
+    pub fn new<'a>(
+        compiler: impl Into<Compiler<'a>>,
         descriptor: &BouncedDescriptor,
-        cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
+        let Compiler { device, cache } = compiler.into();
         descriptor.primitives.validate()?;
         check_setting(
             !descriptor.lit() || descriptor.primitives == Primitives::Triangles,

@@ -6,7 +6,7 @@ pub(crate) mod disks;
 mod tests;
 pub(crate) mod triangles;
 
-use wgpu::{CommandEncoder, Device, PipelineCache};
+use wgpu::{CommandEncoder, Device};
 
 use self::{
     disks::{DiskBounds, DiskBoundsPass, MAX_LEVELS},
@@ -14,6 +14,7 @@ use self::{
 };
 use crate::{
     error::{Error, check_setting},
+    gpu::compiler::Compiler,
     gpu::{Timestamps, check_timestamps},
     recorded::{Last, Stamp},
     shaders::Listing,
@@ -158,11 +159,11 @@ impl BvhBuilder {
     ///
     /// # Errors
     /// [`Error::Limit`] where the device was made with less than that; [`Error::Setting`] for levels out of range.
-    pub fn new(
-        device: &Device,
+    pub fn new<'a>(
+        compiler: impl Into<Compiler<'a>>,
         primitives: Primitives,
-        cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
+        let Compiler { device, cache } = compiler.into();
         primitives.validate()?;
         Ok(Self(match primitives {
             Primitives::Triangles => {

@@ -2,6 +2,7 @@
 //! timestamps.
 
 pub(crate) mod binding;
+pub(crate) mod compiler;
 pub(crate) mod interface;
 pub(crate) mod made;
 pub(crate) mod preprocess;

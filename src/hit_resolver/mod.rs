@@ -3,10 +3,7 @@
 pub(crate) mod params;
 pub(crate) mod settings;
 
-use wgpu::{
-    CommandEncoder, ComputePipeline, Device, PipelineCache, RenderPipeline, TextureFormat,
-    TextureView,
-};
+use wgpu::{CommandEncoder, ComputePipeline, Device, RenderPipeline, TextureFormat, TextureView};
 
 use self::{params::HitResolverParams, settings::HitResolverSettings};
 use crate::{
@@ -17,6 +14,7 @@ use crate::{
         view::{BouncedView, Hits},
     },
     error::Error,
+    gpu::compiler::Compiler,
     gpu::{
         Kernel, Timestamps,
         binding::{Kept, Layout, Named, view, whole},
@@ -141,12 +139,11 @@ impl BouncedZBuffer {
     ///
     /// # Errors
     /// As [`HitResolver::new`].
-    pub fn resolver(
+    pub fn resolver<'a>(
         &self,
-        device: &Device,
+        compiler: impl Into<Compiler<'a>>,
         target: TextureFormat,
         deferred: bool,
-        cache: Option<&PipelineCache>,
     ) -> Result<HitResolver, Error> {
         let BouncedDescriptor {
             payload, sampling, ..
@@ -157,7 +154,7 @@ impl BouncedZBuffer {
             deferred,
             target,
         };
-        HitResolver::new(device, &descriptor, cache)
+        HitResolver::new(compiler, &descriptor)
     }
 }
 
@@ -166,11 +163,11 @@ impl HitResolver {
     ///
     /// # Errors
     /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats.
-    pub fn new(
-        device: &Device,
+    pub fn new<'a>(
+        compiler: impl Into<Compiler<'a>>,
         descriptor: &HitResolverDescriptor,
-        cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
+        let Compiler { device, cache } = compiler.into();
         screen::check_format(device, "HitResolver target", descriptor.target)?;
         let module = |stage| -> Result<_, Error> {
             Ok(shader::create(device, LABEL, source(descriptor, stage)?))

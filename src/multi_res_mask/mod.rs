@@ -20,6 +20,7 @@ use crate::{
     camera::Camera,
     error::Error,
     gbuffer::{GBuffer, samples_as_float},
+    gpu::compiler::Compiler,
     gpu::{
         Kernel, Timestamps, WORKGROUP,
         binding::{Group, Groups, Layout, view, whole},
@@ -109,7 +110,8 @@ impl MultiResMask {
     ///
     /// # Errors
     /// None that a device with these limits gives.
-    pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
+    pub fn new<'a>(compiler: impl Into<Compiler<'a>>) -> Result<Self, Error> {
+        let Compiler { device, cache } = compiler.into();
         let drawn = |stage, entry| Drawn::new(device, stage, entry, cache);
         let edges = |shading, given| drawn(MaskStage::Edges { shading, given }, "find_edges");
         let module = shader::create(device, LABEL, source(MaskStage::List)?);

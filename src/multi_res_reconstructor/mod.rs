@@ -5,8 +5,8 @@ pub(crate) mod params;
 pub(crate) mod settings;
 
 use wgpu::{
-    CommandEncoder, ComputePass, ComputePipeline, Device, PipelineCache, RenderPipeline,
-    TextureFormat, TextureUsages, TextureView,
+    CommandEncoder, ComputePass, ComputePipeline, Device, RenderPipeline, TextureFormat,
+    TextureUsages, TextureView,
 };
 
 use self::{
@@ -18,6 +18,7 @@ use crate::{
     effect::Channels,
     error::Error,
     gbuffer::GBuffer,
+    gpu::compiler::Compiler,
     gpu::{
         Kernel, Timestamps,
         binding::{Layout, Resource, view, whole},
@@ -137,12 +138,12 @@ impl MultiResReconstructor {
     ///
     /// # Errors
     /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats.
-    pub fn new(
-        device: &Device,
+    pub fn new<'a>(
+        compiler: impl Into<Compiler<'a>>,
         channels: Channels,
         target: TextureFormat,
-        cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
+        let Compiler { device, cache } = compiler.into();
         screen::check_format(device, "MultiResReconstructor target", target)?;
         let constants = |alike: bool| [("ALIKE", f64::from(u8::from(alike)))];
         let module = shader::create(device, LABEL, source(channels, false)?);

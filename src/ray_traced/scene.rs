@@ -1,6 +1,6 @@
 //! What rays meet, shared by all views.
 
-use wgpu::{Buffer, CommandEncoder, Device, PipelineCache};
+use wgpu::{Buffer, CommandEncoder, Device};
 
 use super::counts::Readback;
 use crate::{
@@ -10,6 +10,7 @@ use crate::{
     error::{Error, check_setting},
     geometry::Geometry,
     gpu::Timestamps,
+    gpu::compiler::Compiler,
     light::Light,
     surfel::{CloudCapacity, SurfelCloud, SurfelCounts},
     surfelizer::{
@@ -77,10 +78,11 @@ impl RayTracedScene {
     ///
     /// # Errors
     /// [`Error::Limit`] where the device was made with less than that.
-    pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
+    pub fn new<'a>(compiler: impl Into<Compiler<'a>>) -> Result<Self, Error> {
+        let compiler = compiler.into();
         Ok(Self {
-            surfelizer: Surfelizer::new(device, cache)?,
-            builder: BvhBuilder::new(device, Primitives::Triangles, cache)?,
+            surfelizer: Surfelizer::new(compiler)?,
+            builder: BvhBuilder::new(compiler, Primitives::Triangles)?,
             room: None,
             readback: Readback::default(),
             counts: None,

@@ -1,6 +1,6 @@
 //! One view's effect: its textures, and its recording into the caller's target.
 
-use wgpu::{CommandEncoder, Device, PipelineCache, Texture, TextureFormat, TextureUsages};
+use wgpu::{CommandEncoder, Device, Texture, TextureFormat, TextureUsages};
 
 use super::{
     quality::{Quality, RaySettings},
@@ -17,6 +17,7 @@ use crate::{
     effect::Channels,
     error::{Error, check_setting},
     gbuffer::GBuffer,
+    gpu::compiler::Compiler,
     gpu::screen,
     hit_resolver::{HitResolver, HitResolverInput, HitResolverView},
     receivers::{FrameInput, GBufferDecoder, Receivers, plane_bytes, plane_for},
@@ -75,7 +76,7 @@ impl RayTracedEffect {
 
 /// What a [`RayTracedView`] is made for.
 #[derive(Clone, Copy, Debug)]
-pub struct RayTracedViewDescriptor<'a> {
+pub struct RayTracedViewDescriptor {
     /// The effect.
     pub effect: RayTracedEffect,
     /// Rays per pixel, and the filter.
@@ -84,11 +85,9 @@ pub struct RayTracedViewDescriptor<'a> {
     pub temporal: Option<TemporalSettings>,
     /// Format of the caller's texture: any colour format of floats that can be rendered to.
     pub target: TextureFormat,
-    /// The caller's cache, if any.
-    pub cache: Option<&'a PipelineCache>,
 }
 
-impl RayTracedViewDescriptor<'_> {
+impl RayTracedViewDescriptor {
     /// Each frame for itself.
     pub fn new(effect: RayTracedEffect, quality: Quality, target: TextureFormat) -> Self {
         Self {
@@ -96,7 +95,6 @@ impl RayTracedViewDescriptor<'_> {
             rays: quality.rays(effect.payload()),
             temporal: None,
             target,
-            cache: None,
         }
     }
 }
@@ -179,13 +177,17 @@ impl RayTracedView {
     /// # Errors
     /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats; [`Error::Setting`] for settings out of
     /// range.
-    pub fn new(device: &Device, descriptor: &RayTracedViewDescriptor<'_>) -> Result<Self, Error> {
+    pub fn new<'a>(
+        compiler: impl Into<Compiler<'a>>,
+        descriptor: &RayTracedViewDescriptor,
+    ) -> Result<Self, Error> {
+        let compiler = compiler.into();
+        let device = compiler.device;
         let RayTracedViewDescriptor {
             effect,
             rays,
             temporal,
             target,
-            cache,
         } = *descriptor;
         screen::check_format(device, "RayTracedView target", target)?;
         settings_of(&effect, &rays, 0).validate()?;
@@ -195,13 +197,13 @@ impl RayTracedView {
             sampling: effect.sampling(),
             ..BouncedDescriptor::default()
         };
-        let tracer = BouncedZBuffer::new(device, &tracer, cache)?;
+        let tracer = BouncedZBuffer::new(compiler, &tracer)?;
         let temporal = temporal
             .map(|settings| {
                 settings.validate()?;
                 let channels = effect.channels();
                 Ok(Temporal {
-                    accumulator: TemporalAccumulator::new(device, channels, target, cache)?,
+                    accumulator: TemporalAccumulator::new(compiler, channels, target)?,
                     settings,
                     previous: None,
                     frame: 0,
@@ -212,8 +214,8 @@ impl RayTracedView {
             .as_ref()
             .map_or(target, |_| picture_format(&effect));
         Ok(Self {
-            resolver: tracer.resolver(device, resolved, false, cache)?,
-            decoder: GBufferDecoder::new(device, cache)?,
+            resolver: tracer.resolver(compiler, resolved, false)?,
+            decoder: GBufferDecoder::new(compiler)?,
             tracer,
             effect,
             rays,

@@ -11,6 +11,7 @@ use crate::{
     camera::{Camera, CameraParams, Viewport, check_origin},
     error::{Error, check_limit, check_setting},
     gbuffer::GBuffer,
+    gpu::compiler::Compiler,
     gpu::{
         Kernel, Timestamps,
         binding::{Layout, view},
@@ -305,7 +306,8 @@ impl GBufferDecoder {
     ///
     /// # Errors
     /// None today.
-    pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
+    pub fn new<'a>(compiler: impl Into<Compiler<'a>>) -> Result<Self, Error> {
+        let Compiler { device, cache } = compiler.into();
         let module = shader::create(device, LABEL, source(false)?);
         let layout = module.layout(device, &["prepare"]);
         Ok(Self {

@@ -4,8 +4,8 @@ pub(crate) mod params;
 pub(crate) mod settings;
 
 use wgpu::{
-    CommandEncoder, ComputePipeline, Device, PipelineCache, RenderPipeline, TextureFormat,
-    TextureView, TextureViewDimension,
+    CommandEncoder, ComputePipeline, Device, RenderPipeline, TextureFormat, TextureView,
+    TextureViewDimension,
 };
 
 use self::{params::ReconstructorParams, settings::ReconstructorSettings};
@@ -13,6 +13,7 @@ use crate::{
     camera::Viewport,
     effect::Effect,
     error::Error,
+    gpu::compiler::Compiler,
     gpu::{
         Kernel, Timestamps,
         binding::{Kept, Layout, view},
@@ -118,13 +119,12 @@ impl ShellSplatter {
     ///
     /// # Errors
     /// As [`Reconstructor::new`].
-    pub fn reconstructor(
+    pub fn reconstructor<'a>(
         &self,
-        device: &Device,
+        compiler: impl Into<Compiler<'a>>,
         target: TextureFormat,
-        cache: Option<&PipelineCache>,
     ) -> Result<Reconstructor, Error> {
-        Reconstructor::new(device, self.effect(), target, cache)
+        Reconstructor::new(compiler, self.effect(), target)
     }
 }
 
@@ -135,12 +135,12 @@ impl Reconstructor {
     /// # Errors
     /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats, [`Error::Effect`] as
     /// [`ShellSplatter::new`](crate::ShellSplatter::new).
-    pub fn new(
-        device: &Device,
+    pub fn new<'a>(
+        compiler: impl Into<Compiler<'a>>,
         effect: &Effect,
         target: TextureFormat,
-        cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
+        let Compiler { device, cache } = compiler.into();
         effect.check()?;
         screen::check_format(device, "Reconstructor target", target)?;
         let module = |variant| -> Result<_, Error> {

@@ -5,11 +5,12 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
-use wgpu::{BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache};
+use wgpu::{BufferUsages, CommandEncoder, ComputePipeline, Device};
 
 use crate::{
     camera::CameraParams,
     error::{Error, check_setting},
+    gpu::compiler::Compiler,
     gpu::{
         Kernel, Timestamps,
         binding::{Layout, view, whole},
@@ -94,7 +95,8 @@ impl ReflectiveShadowMap {
     ///
     /// # Errors
     /// None today.
-    pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
+    pub fn new<'a>(compiler: impl Into<Compiler<'a>>) -> Result<Self, Error> {
+        let Compiler { device, cache } = compiler.into();
         let source = shader::assemble("reflective_shadow_map", SOURCE, &[], &[])?;
         let module = shader::create(device, LABEL, source);
         let layout = module.layout(device, &["texel_to_light"]);

@@ -4,13 +4,14 @@
 pub(crate) mod params;
 pub(crate) mod settings;
 
-use wgpu::{CommandEncoder, Device, PipelineCache, TextureFormat, TextureUsages};
+use wgpu::{CommandEncoder, Device, TextureFormat, TextureUsages};
 
 use self::{params::ScreenSpaceGiParams, settings::ScreenSpaceGiSettings};
 use crate::{
     camera::Camera,
     error::Error,
     gbuffer::{GBuffer, samples_as_float},
+    gpu::compiler::Compiler,
     gpu::{Timestamps, binding::view, check_timestamps, shader, uniforms::Uniforms},
     shaders::Listing,
     texture_slice::{TextureSlice, check_apart, check_slice},
@@ -79,7 +80,8 @@ impl ScreenSpaceGi {
     ///
     /// # Errors
     /// None that a device with these limits gives.
-    pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
+    pub fn new<'a>(compiler: impl Into<Compiler<'a>>) -> Result<Self, Error> {
+        let Compiler { device, cache } = compiler.into();
         let kernel = WorkKernelDescriptor {
             label: LABEL,
             entry: "bounce",

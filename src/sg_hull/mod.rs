@@ -18,7 +18,7 @@ pub(crate) mod view;
 
 use std::borrow::Cow;
 
-use wgpu::{CommandEncoder, Device, PipelineCache, TextureFormat};
+use wgpu::{CommandEncoder, Device, TextureFormat};
 
 use self::{
     bound::GathererBinding,
@@ -35,6 +35,7 @@ use self::{
 };
 use crate::{
     error::Error,
+    gpu::compiler::Compiler,
     gpu::{Timestamps, first_pass, screen, uniforms::Uniforms},
     overrides::check_constants,
     receivers::Frame,
@@ -110,8 +111,6 @@ pub struct SgHullDescriptor<'a> {
     pub glossy: bool,
     /// How texels become segments.
     pub components: Components,
-    /// The caller's cache, if any.
-    pub cache: Option<&'a PipelineCache>,
 }
 
 /// What one recording of the [`SgHull`] works on.
@@ -153,7 +152,11 @@ impl SgHull {
     /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats, [`Error::Effect`] where the
     /// gatherer's source has a malformed directive or not the constants that are given. WGSL that does not compile is wgpu's
     /// own validation error.
-    pub fn new(device: &Device, descriptor: &SgHullDescriptor<'_>) -> Result<Self, Error> {
+    pub fn new<'a>(
+        compiler: impl Into<Compiler<'a>>,
+        descriptor: &SgHullDescriptor<'_>,
+    ) -> Result<Self, Error> {
+        let compiler = compiler.into();
         let SgHullDescriptor {
             gatherer,
             target,
@@ -161,8 +164,8 @@ impl SgHull {
             ..
         } = *descriptor;
         check_constants(&gatherer.label, &gatherer.source, &gatherer.constants)?;
-        screen::check_format(device, "SgHull target", target)?;
-        let make = Maker::new(device, descriptor);
+        screen::check_format(compiler.device, "SgHull target", target)?;
+        let make = Maker::new(compiler, descriptor);
         let gather = make.module(HullStage::Gather)?;
         let splitter = (!glossy).then(|| Splitter::new(&make, &gather));
         Ok(Self {

@@ -1,6 +1,8 @@
 //! How modules, layouts and pipelines are made from a descriptor.
 
-use wgpu::{BindGroupLayout, ComputePipeline, Device, PrimitiveTopology, RenderPipeline};
+use wgpu::{
+    BindGroupLayout, ComputePipeline, Device, PipelineCache, PrimitiveTopology, RenderPipeline,
+};
 
 use super::{
     LABEL, SgHullDescriptor,
@@ -11,6 +13,7 @@ use crate::{
     gpu::{
         Kernel,
         binding::Layout,
+        compiler::Compiler,
         screen,
         shader::{self, Shader},
     },
@@ -19,6 +22,7 @@ use crate::{
 /// What makes them, on one device.
 pub(super) struct Maker<'a> {
     pub device: &'a Device,
+    cache: Option<&'a PipelineCache>,
     pub descriptor: &'a SgHullDescriptor<'a>,
     pub variant: HullVariant,
     /// The gatherer's.
@@ -26,10 +30,14 @@ pub(super) struct Maker<'a> {
 }
 
 impl<'a> Maker<'a> {
-    pub fn new(device: &'a Device, descriptor: &'a SgHullDescriptor<'a>) -> Self {
+    pub fn new(
+        Compiler { device, cache }: Compiler<'a>,
+        descriptor: &'a SgHullDescriptor<'a>,
+    ) -> Self {
         let constants = &descriptor.gatherer.constants;
         Self {
             device,
+            cache,
             descriptor,
             variant: HullVariant {
                 albedo: descriptor.albedo,
@@ -108,7 +116,7 @@ impl<'a> Maker<'a> {
             entry,
             layouts,
             constants,
-            cache: self.descriptor.cache,
+            cache: self.cache,
         }
         .create(self.device)
     }
@@ -132,7 +140,7 @@ impl<'a> Maker<'a> {
             constants,
             topology,
             target: self.descriptor.target,
-            cache: self.descriptor.cache,
+            cache: self.cache,
         }
         .create(self.device)
     }

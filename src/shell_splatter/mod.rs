@@ -7,8 +7,8 @@ pub(crate) mod settings;
 use std::sync::{Arc, OnceLock};
 
 use wgpu::{
-    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, Features, PipelineCache,
-    TextureFormat, TextureView, TextureViewDimension,
+    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, Features, TextureFormat,
+    TextureView, TextureViewDimension,
 };
 
 use self::{
@@ -19,6 +19,7 @@ use crate::{
     effect::Effect,
     error::{Error, check_setting},
     geometry::Material,
+    gpu::compiler::Compiler,
     gpu::{
         Kernel, Timestamps,
         binding::{self, Kept, Layout, whole},
@@ -66,8 +67,6 @@ pub struct ShellSplatterDescriptor<'a> {
     pub subgroups: bool,
     /// Whether to count pairs into [`SplatView::statistics`]. Slower; for measuring.
     pub statistics: bool,
-    /// The caller's cache, if any.
-    pub cache: Option<&'a PipelineCache>,
 }
 
 /// Bounds of runs of a cloud's surfels on each level. Made once a cloud, for any number of views.
@@ -269,7 +268,11 @@ impl ShellSplatter {
     /// [`Error::Feature`] where subgroups are asked for and the device lacks them, [`Error::Effect`] where the effect's source
     /// has a malformed directive or not the constants that are given. WGSL that does not compile is wgpu's own validation error,
     /// as for any shader.
-    pub fn new(device: &Device, descriptor: &ShellSplatterDescriptor<'_>) -> Result<Self, Error> {
+    pub fn new<'a>(
+        compiler: impl Into<Compiler<'a>>,
+        descriptor: &ShellSplatterDescriptor<'_>,
+    ) -> Result<Self, Error> {
+        let Compiler { device, cache } = compiler.into();
         let effect = descriptor.effect;
         effect.check()?;
         if descriptor.subgroups && !device.features().contains(Features::SUBGROUP) {
@@ -299,7 +302,7 @@ impl ShellSplatter {
                 entry,
                 layouts: &[&layout.raw],
                 constants: &constants,
-                cache: descriptor.cache,
+                cache,
             }
             .create(device)
         };
@@ -308,7 +311,7 @@ impl ShellSplatter {
             build_clusters: kernel(&build_module, "build_clusters", &build_layout),
             build_groups: kernel(&build_module, "build_groups", &build_layout),
             splat: kernel(&splat_module, "splat", &splat_layout),
-            listed_receivers: ListedReceiversPass::new(device, descriptor.cache)?,
+            listed_receivers: ListedReceiversPass::new(device, cache)?,
             effect: Arc::new(effect.clone()),
             statistics: descriptor.statistics,
             plan_layout,

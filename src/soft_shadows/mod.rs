@@ -3,13 +3,14 @@
 pub(crate) mod params;
 pub(crate) mod settings;
 
-use wgpu::{CommandEncoder, Device, PipelineCache, TextureFormat, TextureUsages};
+use wgpu::{CommandEncoder, Device, TextureFormat, TextureUsages};
 
 use self::{params::SoftShadowsParams, settings::SoftShadowsSettings};
 use crate::{
     camera::Camera,
     error::Error,
     gbuffer::GBuffer,
+    gpu::compiler::Compiler,
     gpu::{
         Timestamps,
         binding::view,
@@ -95,7 +96,8 @@ impl SoftShadows {
     ///
     /// # Errors
     /// None that a device with these limits gives.
-    pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
+    pub fn new<'a>(compiler: impl Into<Compiler<'a>>) -> Result<Self, Error> {
+        let Compiler { device, cache } = compiler.into();
         let kernel = |entry, one_map: bool| {
             let descriptor = WorkKernelDescriptor {
                 label: LABEL,

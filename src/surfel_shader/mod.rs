@@ -17,6 +17,7 @@ use crate::{
     camera::Camera,
     error::{Error, check_limit, check_setting},
     geometry::Material,
+    gpu::compiler::Compiler,
     gpu::{
         Kernel, Timestamps,
         binding::{self, Layout, view, whole},
@@ -206,7 +207,8 @@ impl SurfelShader {
     ///
     /// # Errors
     /// [`Error::Limit`] where the device was made with less than that.
-    pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
+    pub fn new<'a>(compiler: impl Into<Compiler<'a>>) -> Result<Self, Error> {
+        let Compiler { device, cache } = compiler.into();
         check_limit(
             "max_storage_buffers_per_shader_stage",
             u64::from(device.limits().max_storage_buffers_per_shader_stage),

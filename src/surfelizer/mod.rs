@@ -3,7 +3,7 @@
 pub(crate) mod params;
 pub(crate) mod settings;
 
-use wgpu::{Buffer, CommandEncoder, ComputePipeline, Device, PipelineCache};
+use wgpu::{Buffer, CommandEncoder, ComputePipeline, Device};
 
 use self::{
     params::{MAX_VIEWS, MeshBinding, SurfelizerParams, Window},
@@ -13,6 +13,7 @@ use crate::{
     camera::Camera,
     error::{Error, check_limit, check_setting},
     geometry::{Geometry, Mesh},
+    gpu::compiler::Compiler,
     gpu::{
         Kernel, Timestamps, WORKGROUP,
         binding::{Layout, Resource, part, whole},
@@ -79,7 +80,8 @@ impl Surfelizer {
     ///
     /// # Errors
     /// [`Error::Limit`] where the device was made with less than that.
-    pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
+    pub fn new<'a>(compiler: impl Into<Compiler<'a>>) -> Result<Self, Error> {
+        let Compiler { device, cache } = compiler.into();
         check_limit(
             "max_storage_buffers_per_shader_stage",
             u64::from(device.limits().max_storage_buffers_per_shader_stage),

@@ -5,8 +5,8 @@ pub(crate) mod settings;
 
 use glam::DVec3;
 use wgpu::{
-    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache, RenderPipeline,
-    TextureFormat, TextureUsages, TextureView,
+    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, RenderPipeline, TextureFormat,
+    TextureUsages, TextureView,
 };
 
 use self::{params::TemporalParams, settings::TemporalSettings};
@@ -15,6 +15,7 @@ use crate::{
     effect::Channels,
     error::{Error, check_setting},
     gbuffer::samples_as_float,
+    gpu::compiler::Compiler,
     gpu::{
         Kernel, Timestamps,
         binding::{Kept, Layout, view, whole},
@@ -193,12 +194,12 @@ impl TemporalAccumulator {
     ///
     /// # Errors
     /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats.
-    pub fn new(
-        device: &Device,
+    pub fn new<'a>(
+        compiler: impl Into<Compiler<'a>>,
         channels: Channels,
         target: TextureFormat,
-        cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
+        let Compiler { device, cache } = compiler.into();
         screen::check_format(device, "TemporalAccumulator target", target)?;
         let module =
             |variant| source(channels, variant).map(|source| shader::create(device, LABEL, source));

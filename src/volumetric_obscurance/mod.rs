@@ -5,7 +5,7 @@ pub(crate) mod params;
 pub(crate) mod samples;
 pub(crate) mod settings;
 
-use wgpu::{CommandEncoder, Device, PipelineCache, TextureFormat, TextureUsages};
+use wgpu::{CommandEncoder, Device, TextureFormat, TextureUsages};
 
 use self::{
     params::ObscuranceParams,
@@ -16,6 +16,7 @@ use crate::{
     depth_moments::{DepthMoments, DepthMomentsPass},
     error::Error,
     gbuffer::{Normals, check_depth},
+    gpu::compiler::Compiler,
     gpu::{
         Timestamps,
         binding::{view, whole},
@@ -36,13 +37,11 @@ const TARGET: TextureFormat = TextureFormat::R32Float;
 
 /// What a [`VolumetricObscurance`] is made for.
 #[derive(Clone, Copy, Debug)]
-pub struct VolumetricObscuranceDescriptor<'a> {
+pub struct VolumetricObscuranceDescriptor {
     /// How to integrate.
     pub sampling: ObscuranceSampling,
     /// Over what.
     pub volume: ObscuranceVolume,
-    /// Compiled pipelines from an earlier run, if any.
-    pub cache: Option<&'a PipelineCache>,
 }
 
 /// Obscurance from a depth buffer, with or without normals: near-field detail, at a few reads per pixel.
@@ -110,15 +109,12 @@ impl VolumetricObscurance {
     ///
     /// # Errors
     /// None today; shaders are assembled as the caller's effects are.
-    pub fn new(
-        device: &Device,
-        descriptor: &VolumetricObscuranceDescriptor<'_>,
+    pub fn new<'a>(
+        compiler: impl Into<Compiler<'a>>,
+        descriptor: &VolumetricObscuranceDescriptor,
     ) -> Result<Self, Error> {
-        let &VolumetricObscuranceDescriptor {
-            sampling,
-            volume,
-            cache,
-        } = descriptor;
+        let Compiler { device, cache } = compiler.into();
+        let &VolumetricObscuranceDescriptor { sampling, volume } = descriptor;
         let variant = |list: bool| ObscuranceVariant::new(sampling, volume, list);
         let flag = |on: bool| f64::from(u8::from(on));
         let points = matches!(sampling, ObscuranceSampling::Points(_));

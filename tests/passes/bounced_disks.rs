@@ -686,7 +686,7 @@ fn what_does_not_fit_is_a_typed_error() {
             primitives: Primitives::Disks { levels },
             ..BouncedDescriptor::default()
         };
-        let error = BouncedZBuffer::new(device, &descriptor, None).map(|_| ());
+        let error = BouncedZBuffer::new(device, &descriptor).map(|_| ());
         assert!(
             matches!(
                 error,

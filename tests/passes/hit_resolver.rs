@@ -819,7 +819,7 @@ fn what_does_not_fit_is_a_typed_error() {
             deferred: false,
             target,
         };
-        let made = HitResolver::new(device, &descriptor, None);
+        let made = HitResolver::new(device, &descriptor);
         assert_eq!(named(made.map(|_| ())), "HitResolver target", "{target:?}");
     }
     let format = wgpu::TextureFormat::Rgba32Float;

@@ -89,7 +89,6 @@ impl Lab {
             albedo: false,
             glossy: false,
             components: Components::default(),
-            cache: None,
         };
         let hull = SgHull::new(device, &descriptor).expect("pipelines");
         Self {

@@ -25,9 +25,8 @@ const OFF: f64 = 1.0 / 200.0;
 /// light's cosine near its horizon has lost its digits.
 const FARTHER: f64 = 4e-3;
 
-static LIT: LazyLock<BouncedZBuffer> = LazyLock::new(|| {
-    BouncedZBuffer::new(&lab().gpu.device, &descriptor(), None).expect("pipelines")
-});
+static LIT: LazyLock<BouncedZBuffer> =
+    LazyLock::new(|| BouncedZBuffer::new(&lab().gpu.device, &descriptor()).expect("pipelines"));
 
 fn descriptor() -> BouncedDescriptor {
     BouncedDescriptor {
@@ -442,7 +441,7 @@ fn what_does_not_fit_is_a_typed_error() {
         ..descriptor()
     };
     assert!(matches!(
-        BouncedZBuffer::new(device, &disks, None),
+        BouncedZBuffer::new(device, &disks),
         Err(Error::Setting { field, .. }) if field == "BouncedDescriptor::primitives"
     ));
     let view = LIT.create_view(device, 8, 8, 1).expect("a view");

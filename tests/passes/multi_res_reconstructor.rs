@@ -61,7 +61,7 @@ impl<'g> Wired<'g> {
         Self {
             gpu,
             mask: pipelines::multi_res_mask(),
-            blend: MultiResReconstructor::new(&gpu.device, channels, Format::Rgba32Float, None)
+            blend: MultiResReconstructor::new(&gpu.device, channels, Format::Rgba32Float)
                 .expect("a pipeline"),
             channels,
             fill: fill_pipeline(&gpu.device, channels),
@@ -468,7 +468,7 @@ fn what_cannot_be_is_refused() {
     let gpu = pipelines::gpu();
     let device = &gpu.device;
     let wired = Wired::new(gpu, Channels::One);
-    let depth = MultiResReconstructor::new(device, Channels::One, Format::Depth32Float, None);
+    let depth = MultiResReconstructor::new(device, Channels::One, Format::Depth32Float);
     assert!(matches!(depth, Err(Error::Format { .. })), "{depth:?}");
     let camera = camera(
         right::perspective_infinite_reverse(1.0, 1.4, 0.1),
@@ -493,7 +493,7 @@ fn what_cannot_be_is_refused() {
         .expect("a view");
     let fewer = images(16, &MultiResMaskSettings::INDIRECT);
     let narrow = images(15, &settings);
-    let colored = MultiResReconstructor::new(device, Channels::Three, Format::Rgba32Float, None)
+    let colored = MultiResReconstructor::new(device, Channels::Three, Format::Rgba32Float)
         .expect("a pipeline")
         .create_images(device, 16, 8, &settings)
         .expect("images");

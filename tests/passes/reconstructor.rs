@@ -777,7 +777,7 @@ fn formats_that_cannot_be_rendered_to_are_refused() {
         Format::Rgba8Sint,
         Format::Rgb9e5Ufloat,
     ] {
-        let made = Reconstructor::new(device, &plain, format, None);
+        let made = Reconstructor::new(device, &plain, format);
         refused(
             made,
             "Format",
@@ -897,7 +897,7 @@ fn what_does_not_fit_is_refused() {
         );
     }
     // Another effect's sums, of as many channels.
-    let other = Reconstructor::new(device, &one_channel(ONE, PLAIN), Format::R32Float, None);
+    let other = Reconstructor::new(device, &one_channel(ONE, PLAIN), Format::R32Float);
     refused(
         other
             .expect("pipelines")

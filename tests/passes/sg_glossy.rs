@@ -46,7 +46,6 @@ static LAB: LazyLock<Lab> = LazyLock::new(|| {
             albedo: true,
             glossy,
             components: Components::default(),
-            cache: None,
         };
         SgHull::new(&gpu.device, &descriptor).expect("pipelines")
     });

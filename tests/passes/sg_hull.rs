@@ -42,7 +42,6 @@ fn hull(gpu: &Gpu, gatherer: &Gatherer, components: Components) -> SgHull {
         albedo: false,
         glossy: false,
         components,
-        cache: None,
     };
     SgHull::new(&gpu.device, &descriptor).expect("pipelines")
 }

@@ -756,7 +756,6 @@ fn subgroups_give_the_same_sums() {
                 effect: &effect,
                 subgroups: true,
                 statistics: false,
-                cache: None,
             },
         );
         assert!(matches!(refused, Err(Error::Feature { .. })), "{refused:?}");

@@ -191,8 +191,8 @@ fn sub_images_blend_to_the_whole_image() {
     let mask = pipelines::multi_res_mask();
     let frame = Frame::of_shot(gpu, &shot);
     let masks = multi_res::record(gpu, mask, &frame.input(), &mask_settings);
-    let blend = MultiResReconstructor::new(device, Channels::One, Format::R32Float, None)
-        .expect("pipelines");
+    let blend =
+        MultiResReconstructor::new(device, Channels::One, Format::R32Float).expect("pipelines");
     let images = blend
         .create_images(device, width, height, &mask_settings)
         .expect("images");

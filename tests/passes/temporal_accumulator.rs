@@ -270,7 +270,7 @@ impl<'g> Rig<'g> {
             Channels::Three => Format::Rgba32Float,
         };
         let accumulator =
-            TemporalAccumulator::new(&gpu.device, channels, format, None).expect("a target");
+            TemporalAccumulator::new(&gpu.device, channels, format).expect("a target");
         let history = accumulator
             .create_history(&gpu.device, size[0], size[1])
             .expect("a history");
@@ -1688,7 +1688,7 @@ fn what_does_not_fit_is_refused() {
     let gpu = pipelines::gpu();
     let device = &gpu.device;
     for format in [Format::Depth32Float, Format::R32Uint, Format::Rgb9e5Ufloat] {
-        let made = TemporalAccumulator::new(device, Channels::One, format, None);
+        let made = TemporalAccumulator::new(device, Channels::One, format);
         refused(
             made,
             "Format",
@@ -1696,9 +1696,8 @@ fn what_does_not_fit_is_refused() {
             "a colour format",
         );
     }
-    let make = |channels| {
-        TemporalAccumulator::new(device, channels, Format::R8Unorm, None).expect("pipelines")
-    };
+    let make =
+        |channels| TemporalAccumulator::new(device, channels, Format::R8Unorm).expect("pipelines");
     let (one, three) = (make(Channels::One), make(Channels::Three));
     refused(
         one.create_history(device, 0, 6),

@@ -184,8 +184,7 @@ fn recordings_from_surfels_write_their_times() {
             &scratch,
         )
         .expect("a picture");
-    let accumulator =
-        TemporalAccumulator::new(device, Channels::One, format, None).expect("pipelines");
+    let accumulator = TemporalAccumulator::new(device, Channels::One, format).expect("pipelines");
     let mut history = accumulator
         .create_history(device, 16, 16)
         .expect("a history");
@@ -265,7 +264,6 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
     let descriptor = VolumetricObscuranceDescriptor {
         sampling: ObscuranceSampling::OneArea,
         volume: ObscuranceVolume::Sphere,
-        cache: None,
     };
     let obscurance = VolumetricObscurance::new(device, &descriptor).expect("pipelines");
     let moments = obscurance.create_moments(device, 32, 32).expect("room");
@@ -343,7 +341,7 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
         )
         .expect("light");
 
-    let blend = MultiResReconstructor::new(device, Channels::One, format, None).expect("pipelines");
+    let blend = MultiResReconstructor::new(device, Channels::One, format).expect("pipelines");
     let images = blend
         .create_images(device, 32, 32, &levels)
         .expect("images");
@@ -365,7 +363,7 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
         )
         .expect("a picture");
 
-    let map = ReflectiveShadowMap::new(device, None).expect("pipelines");
+    let map = ReflectiveShadowMap::new(device).expect("pipelines");
     let lights = map.create_view(device, 32, 32).expect("a view");
     let mut decoded = Decoded::of(&camera);
     let frame = decoded.frame(&mut encoder, gbuffer, &camera, camera.eye());
@@ -385,7 +383,6 @@ fn recordings_from_the_gbuffer_alone_write_their_times() {
             albedo: false,
             glossy: false,
             components: Components::default(),
-            cache: None,
         },
     )
     .expect("pipelines");

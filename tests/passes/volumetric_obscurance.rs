@@ -139,7 +139,6 @@ impl Case {
             let descriptor = VolumetricObscuranceDescriptor {
                 sampling: self.sampling,
                 volume: self.volume,
-                cache: None,
             };
             Arc::new(
                 VolumetricObscurance::new(&pipelines::gpu().device, &descriptor)

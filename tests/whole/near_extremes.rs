@@ -51,7 +51,6 @@ impl Passes {
         let descriptor = VolumetricObscuranceDescriptor {
             sampling: ObscuranceSampling::Lines(DiskSamples::Nine),
             volume: ObscuranceVolume::Hemisphere,
-            cache: None,
         };
         let gatherer = Gatherer::lights(device);
         let hull = SgHullDescriptor {
@@ -60,7 +59,6 @@ impl Passes {
             albedo: false,
             glossy: false,
             components: Components::default(),
-            cache: None,
         };
         Self {
             obscurance: VolumetricObscurance::new(device, &descriptor).expect("pipelines"),

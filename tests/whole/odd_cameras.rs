@@ -48,7 +48,6 @@ static ALL: LazyLock<All> = LazyLock::new(|| {
         let descriptor = VolumetricObscuranceDescriptor {
             sampling,
             volume: ObscuranceVolume::Hemisphere,
-            cache: None,
         };
         VolumetricObscurance::new(device, &descriptor).expect("pipelines")
     };
@@ -59,7 +58,6 @@ static ALL: LazyLock<All> = LazyLock::new(|| {
         albedo: false,
         glossy: false,
         components: Components::default(),
-        cache: None,
     };
     All {
         shadows: pipelines::soft_shadows(),
@@ -70,7 +68,7 @@ static ALL: LazyLock<All> = LazyLock::new(|| {
         areas: obscurance(ObscuranceSampling::OneArea),
         mask: pipelines::multi_res_mask(),
         gi: pipelines::screen_space_gi(),
-        history: TemporalAccumulator::new(device, Channels::One, Format::R32Float, None)
+        history: TemporalAccumulator::new(device, Channels::One, Format::R32Float)
             .expect("pipelines"),
     }
 });

@@ -28,7 +28,7 @@ fn view_of(effect: RayTracedEffect, target: Format) -> RayTracedView {
 }
 
 fn scene() -> RayTracedScene {
-    RayTracedScene::new(&pipelines::gpu().device, None).expect("pipelines")
+    RayTracedScene::new(&pipelines::gpu().device).expect("pipelines")
 }
 
 fn lamp() -> [Light; 1] {
@@ -87,7 +87,7 @@ fn by_hand(shot: &Shot, payload: Payload) -> Vec<[f32; 4]> {
         ..BouncedDescriptor::default()
     });
     let resolver = tracer
-        .resolver(device, Format::Rgba32Float, false, None)
+        .resolver(device, Format::Rgba32Float, false)
         .expect("pipelines");
     let rays: RaySettings = Quality::Fast.rays(payload);
     let hits = tracer

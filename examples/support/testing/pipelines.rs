@@ -42,19 +42,17 @@ pub fn once<T: Any + Send + Sync>(key: &dyn Debug, make: impl FnOnce(&Gpu) -> T)
 
 pub fn decoder() -> &'static GBufferDecoder {
     once(&(), |gpu| {
-        GBufferDecoder::new(&gpu.device, None).expect("pipelines")
+        GBufferDecoder::new(&gpu.device).expect("pipelines")
     })
 }
 
 pub fn surfelizer() -> &'static Surfelizer {
-    once(&(), |gpu| {
-        Surfelizer::new(&gpu.device, None).expect("pipelines")
-    })
+    once(&(), |gpu| Surfelizer::new(&gpu.device).expect("pipelines"))
 }
 
 pub fn surfel_shader() -> &'static SurfelShader {
     once(&(), |gpu| {
-        SurfelShader::new(&gpu.device, None).expect("pipelines")
+        SurfelShader::new(&gpu.device).expect("pipelines")
     })
 }
 
@@ -64,7 +62,6 @@ pub fn shell_splatter(effect: &Effect, subgroups: bool) -> &'static ShellSplatte
             effect,
             subgroups,
             statistics: false,
-            cache: None,
         };
         ShellSplatter::new(&gpu.device, &descriptor).expect("pipelines")
     })
@@ -72,42 +69,40 @@ pub fn shell_splatter(effect: &Effect, subgroups: bool) -> &'static ShellSplatte
 
 pub fn reconstructor(effect: &Effect, target: TextureFormat) -> &'static Reconstructor {
     once(&(effect, target), |gpu| {
-        Reconstructor::new(&gpu.device, effect, target, None).expect("pipelines")
+        Reconstructor::new(&gpu.device, effect, target).expect("pipelines")
     })
 }
 
 pub fn bounced(descriptor: &BouncedDescriptor) -> &'static BouncedZBuffer {
     once(descriptor, |gpu| {
-        BouncedZBuffer::new(&gpu.device, descriptor, None).expect("pipelines")
+        BouncedZBuffer::new(&gpu.device, descriptor).expect("pipelines")
     })
 }
 
 pub fn hit_resolver(descriptor: &HitResolverDescriptor) -> &'static HitResolver {
     once(descriptor, |gpu| {
-        HitResolver::new(&gpu.device, descriptor, None).expect("pipelines")
+        HitResolver::new(&gpu.device, descriptor).expect("pipelines")
     })
 }
 
 pub fn soft_shadows() -> &'static SoftShadows {
-    once(&(), |gpu| {
-        SoftShadows::new(&gpu.device, None).expect("pipelines")
-    })
+    once(&(), |gpu| SoftShadows::new(&gpu.device).expect("pipelines"))
 }
 
 pub fn screen_space_gi() -> &'static ScreenSpaceGi {
     once(&(), |gpu| {
-        ScreenSpaceGi::new(&gpu.device, None).expect("pipelines")
+        ScreenSpaceGi::new(&gpu.device).expect("pipelines")
     })
 }
 
 pub fn multi_res_mask() -> &'static MultiResMask {
     once(&(), |gpu| {
-        MultiResMask::new(&gpu.device, None).expect("pipelines")
+        MultiResMask::new(&gpu.device).expect("pipelines")
     })
 }
 
 pub fn bvh_builder(primitives: Primitives) -> &'static BvhBuilder {
     once(&primitives, |gpu| {
-        BvhBuilder::new(&gpu.device, primitives, None).expect("pipelines")
+        BvhBuilder::new(&gpu.device, primitives).expect("pipelines")
     })
 }

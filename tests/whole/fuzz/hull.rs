@@ -85,7 +85,6 @@ impl Made {
                 albedo: variant.albedo,
                 glossy: variant.glossy,
                 components: variant.components,
-                cache: None,
             },
         )?;
         Ok(Self { gatherer, hull })
@@ -198,7 +197,7 @@ fn bind(
             made.gatherer.bind_polygons(device, &lights)
         }
         Light::Polygons => {
-            let map = case.once("", |device| ReflectiveShadowMap::new(device, None))?;
+            let map = case.once("", |device| ReflectiveShadowMap::new(device))?;
             let viewport = Viewport::full(1 + case.random.below(5), 1 + case.random.below(5));
             let seen_by = inputs::camera_of(case, viewport);
             let gbuffer = inputs::gbuffer(case, &seen_by, true);

@@ -389,7 +389,7 @@ pub struct Decoding {
 impl Decoding {
     pub fn new(case: &mut Case<'_>, viewport: Viewport) -> Option<Self> {
         let device = case.device();
-        let decoder = case.once("", |device| GBufferDecoder::new(device, None))?;
+        let decoder = case.once("", |device| GBufferDecoder::new(device))?;
         let Viewport { width, height, .. } = viewport;
         let width = if case.random.breaks() {
             case.random.count(0, 64)

@@ -84,7 +84,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let viewport = camera.viewport();
     let descriptor = descriptor(case);
     let tracer = case.once(descriptor, |device| {
-        BouncedZBuffer::new(device, &descriptor, None)
+        BouncedZBuffer::new(device, &descriptor)
     })?;
     let placements = [Placement::Centroid, Placement::Random, Placement::Grid];
     let from_leaves =
@@ -165,9 +165,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         deferred: case.usual("deferred", &[true, false]),
         target: target_format,
     };
-    let reconstructor = case.once(descriptor, |device| {
-        HitResolver::new(device, &descriptor, None)
-    })?;
+    let reconstructor = case.once(descriptor, |device| HitResolver::new(device, &descriptor))?;
     let scratch = reconstructor.create_view(device, &view);
     let scratch = case.accept(scratch)?;
     let target = inputs::target(

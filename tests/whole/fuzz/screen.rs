@@ -115,7 +115,7 @@ impl Effect {
         let timestamps = case.timestamps();
         let done = match self {
             Self::Shadows(map, light, settings) => {
-                let shadows = case.once("", |device| SoftShadows::new(device, None))?;
+                let shadows = case.once("", |device| SoftShadows::new(device))?;
                 let input = SoftShadowsInput {
                     gbuffer,
                     camera,
@@ -128,7 +128,7 @@ impl Effect {
                 shadows.record(device, &mut case.encoder, &input, settings)
             }
             Self::Bounce(lit, settings) => {
-                let bounce = case.once("", |device| ScreenSpaceGi::new(device, None))?;
+                let bounce = case.once("", |device| ScreenSpaceGi::new(device))?;
                 let input = ScreenSpaceGiInput {
                     gbuffer,
                     camera,
@@ -141,11 +141,7 @@ impl Effect {
             }
             &Self::Obscurance(sampling, volume, settings) => {
                 let pass = case.once((sampling, volume), |device| {
-                    let descriptor = VolumetricObscuranceDescriptor {
-                        sampling,
-                        volume,
-                        cache: None,
-                    };
+                    let descriptor = VolumetricObscuranceDescriptor { sampling, volume };
                     VolumetricObscurance::new(device, &descriptor)
                 })?;
                 let Viewport { width, height, .. } = camera.viewport();
@@ -231,7 +227,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     }
     let device = case.device();
     let Viewport { width, height, .. } = viewport;
-    let mask = case.once("", |device| MultiResMask::new(device, None))?;
+    let mask = case.once("", |device| MultiResMask::new(device))?;
     let stencils = case.random.chance(0.3);
     let masks = mask.create_view(device, width, height, stencils);
     let mut masks = case.accept(masks)?;
@@ -268,7 +264,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let format = inputs::target_format(case);
     let channels = effect.channels();
     let blend = case.once((channels, format), |device| {
-        MultiResReconstructor::new(device, channels, format, None)
+        MultiResReconstructor::new(device, channels, format)
     })?;
     let images = blend.create_images(device, width, height, &settings);
     let images = case.accept(images)?;

@@ -107,7 +107,6 @@ pub fn splatter(case: &mut Case<'_>, effect: &Effect) -> Option<std::rc::Rc<Shel
             effect,
             subgroups,
             statistics,
-            cache: None,
         };
         ShellSplatter::new(device, &descriptor)
     })
@@ -168,7 +167,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
 
     let format = inputs::target_format(case);
     let reconstructor = case.once((&effect, format), |device| {
-        Reconstructor::new(device, &effect, format, None)
+        Reconstructor::new(device, &effect, format)
     })?;
     let scratch = reconstructor.create_view(device, &sums);
     let scratch = case.accept(scratch)?;

@@ -105,7 +105,7 @@ pub struct Surfels {
 
 /// A cloud of random meshes for a camera.
 pub fn record(case: &mut Case<'_>, camera: &Camera, placement: &[Placement]) -> Option<Surfels> {
-    let surfelizer = case.once("", |device| Surfelizer::new(device, None))?;
+    let surfelizer = case.once("", |device| Surfelizer::new(device))?;
     let few = [0, 1, 2, 3, 64, 65, 1000];
     let random = &mut case.random;
     let mut capacity = CloudCapacity {
@@ -194,7 +194,7 @@ pub fn radiance(
         let numbers = 8 * cloud.capacity().surfels.max(1) as usize;
         return Some(inputs::table(case, "radiance", numbers, |i| (i % 7) as f32));
     }
-    let shader: Rc<SurfelShader> = case.once("", |device| SurfelShader::new(device, None))?;
+    let shader: Rc<SurfelShader> = case.once("", |device| SurfelShader::new(device))?;
     let radiance = shader.create_radiance(case.device(), cloud);
     let radiance = case.accept(radiance)?;
     let materials = inputs::materials(case);
@@ -284,7 +284,7 @@ impl Map {
 /// The hierarchy over a cloud.
 pub fn bvh(case: &mut Case<'_>, primitives: Primitives, cloud: &SurfelCloud) -> Option<Bvh> {
     let key = format!("{primitives:?}");
-    let builder = case.once(key, |device| BvhBuilder::new(device, primitives, None))?;
+    let builder = case.once(key, |device| BvhBuilder::new(device, primitives))?;
     let bvh = builder.create(case.device(), cloud);
     let bvh = case.accept(bvh)?;
     let timestamps = case.timestamps();

@@ -20,7 +20,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let channels = case.usual("channels", &[Channels::One, Channels::Three]);
     let format = inputs::target_format(case);
     let pass = case.once((channels, format), |device| {
-        TemporalAccumulator::new(device, channels, format, None)
+        TemporalAccumulator::new(device, channels, format)
     })?;
     let viewport = inputs::viewport(case);
     let Viewport { width, height, .. } = viewport;

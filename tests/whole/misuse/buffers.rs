@@ -31,7 +31,7 @@ fn buffers_of_any_size_are_bound() {
     let bounds = lab.bvh(&cloud);
     lab.record_bvh(e, &cloud, &bounds).expect("a hierarchy");
     let hits = lab.hits(&lab.lit);
-    let shader = SurfelShader::new(device, None).expect("pipelines");
+    let shader = SurfelShader::new(device).expect("pipelines");
     let room = 32 * u64::from(ROOM.surfels);
     // One longer than a binding may be, where the device has any such.
     let limits = device.limits();
@@ -62,7 +62,6 @@ fn buffers_of_any_size_are_bound() {
     let descriptor = VolumetricObscuranceDescriptor {
         sampling: ObscuranceSampling::Lines(deep_screen_space::DiskSamples::Nine),
         volume: ObscuranceVolume::Sphere,
-        cache: None,
     };
     let pass = VolumetricObscurance::new(device, &descriptor).expect("pipelines");
     let target = lab.gpu.storage(Format::R32Float, SIDE, SIDE);

@@ -36,7 +36,7 @@ fn clouds_without_room_work_in_every_pass() {
             lab.trace(e, pass, (&cloud, &bounds), &lab.materials, &hits)
                 .expect("hits");
         }
-        let shader = SurfelShader::new(device, None).expect("pipelines");
+        let shader = SurfelShader::new(device).expect("pipelines");
         let radiance = shader.create_radiance(device, &cloud).expect("room");
         let input = SurfelShaderInput {
             cloud: &cloud,
@@ -73,7 +73,7 @@ fn sizes_beyond_all_bounds_are_refused() {
         limit,
         needed,
     );
-    let masks = MultiResMask::new(device, None).expect("pipelines");
+    let masks = MultiResMask::new(device).expect("pipelines");
     refused(
         masks.create_view(device, width, height, true),
         kind,
@@ -83,7 +83,6 @@ fn sizes_beyond_all_bounds_are_refused() {
     let descriptor = VolumetricObscuranceDescriptor {
         sampling: ObscuranceSampling::OneArea,
         volume: ObscuranceVolume::Sphere,
-        cache: None,
     };
     let pass = VolumetricObscurance::new(device, &descriptor).expect("pipelines");
     refused(

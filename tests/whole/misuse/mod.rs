@@ -79,14 +79,12 @@ impl Lab {
             effect: &effect,
             subgroups: false,
             statistics: false,
-            cache: None,
         };
         let lit = BouncedDescriptor {
             payload: Payload::LitRadiance,
             ..BouncedDescriptor::default()
         };
-        let bounced =
-            |descriptor| BouncedZBuffer::new(device, &descriptor, None).expect("pipelines");
+        let bounced = |descriptor| BouncedZBuffer::new(device, &descriptor).expect("pipelines");
         Self {
             corners: gpu.buffer(
                 &[[-9.0_f32, -9.0, -2.0], [9.0, -9.0, -2.0], [0.0, 9.0, -2.0]],
@@ -96,10 +94,10 @@ impl Lab {
             normal: texture(Format::Rgba32Float, &vec![[0.0, 0.0, 1.0, 0.0]; texels]),
             albedo: texture(Format::Rgba32Float, &vec![[0.5; 4]; texels]),
             materials: gpu.buffer(&[Material::default()], BufferUsages::STORAGE),
-            decoder: GBufferDecoder::new(device, None).expect("pipelines"),
-            surfelizer: Surfelizer::new(device, None).expect("pipelines"),
+            decoder: GBufferDecoder::new(device).expect("pipelines"),
+            surfelizer: Surfelizer::new(device).expect("pipelines"),
             splatter: ShellSplatter::new(device, &splatter).expect("pipelines"),
-            builder: BvhBuilder::new(&gpu.device, Primitives::Triangles, None).expect("pipelines"),
+            builder: BvhBuilder::new(&gpu.device, Primitives::Triangles).expect("pipelines"),
             bounced: bounced(BouncedDescriptor::default()),
             lit: bounced(lit),
             camera,

@@ -45,7 +45,7 @@ fn clusters_and_sums_are_those_of_the_cloud() {
     );
 
     let effect = AmbientOcclusion::default().effect();
-    let pass = Reconstructor::new(device, &effect, Format::R32Float, None).expect("pipelines");
+    let pass = Reconstructor::new(device, &effect, Format::R32Float).expect("pipelines");
     let scratch = pass.create_view(device, &view).expect("a view");
     let target = lab.gpu.target(Format::R32Float, SIDE, SIDE);
     let resolve = |e: &mut wgpu::CommandEncoder| {
@@ -105,7 +105,7 @@ fn bounds_and_hits_are_those_of_the_cloud() {
     let other = lab.recorded(e, ROOM);
     refused(trace(e, &other), kind, "Bvh", "another SurfelCloud");
 
-    let shader = SurfelShader::new(device, None).expect("pipelines");
+    let shader = SurfelShader::new(device).expect("pipelines");
     let radiance = shader.create_radiance(device, &other).expect("room");
     let lights = [ShadedLight {
         light: deep_screen_space::Light::Point {
@@ -131,7 +131,7 @@ fn bounds_and_hits_are_those_of_the_cloud() {
         deferred: false,
         target: Format::R32Float,
     };
-    let pass = HitResolver::new(device, &descriptor, None).expect("pipelines");
+    let pass = HitResolver::new(device, &descriptor).expect("pipelines");
     let scratch = pass.create_view(device, &hits).expect("a view");
     let target = lab.gpu.target(Format::R32Float, SIDE, SIDE);
     let resolve = |e: &mut wgpu::CommandEncoder| {
@@ -184,7 +184,6 @@ fn gatherers_bind_for_themselves() {
         albedo: false,
         glossy: false,
         components: Components::default(),
-        cache: None,
     };
     let hull = SgHull::new(device, &descriptor).expect("pipelines");
     let view = hull
@@ -232,7 +231,6 @@ fn unknown_constants_are_refused() {
         effect: &effect,
         subgroups: false,
         statistics: false,
-        cache: None,
     };
     refused(
         ShellSplatter::new(device, &splatter),
@@ -240,7 +238,7 @@ fn unknown_constants_are_refused() {
         "NO_SUCH",
         "TWO_SIDED",
     );
-    let made = Reconstructor::new(device, &effect, Format::R32Float, None);
+    let made = Reconstructor::new(device, &effect, Format::R32Float);
     refused(made, "Effect", "NO_SUCH", "TWO_SIDED");
     let gatherer = Gatherer {
         constants,
@@ -252,7 +250,6 @@ fn unknown_constants_are_refused() {
         albedo: false,
         glossy: false,
         components: Components::default(),
-        cache: None,
     };
     refused(
         SgHull::new(device, &descriptor),

@@ -48,7 +48,7 @@ impl Lab {
     ) -> Result<(), Error> {
         let device = &self.gpu.device;
         let channels = deep_screen_space::Channels::Three;
-        let pass = TemporalAccumulator::new(device, channels, format, None).expect("pipelines");
+        let pass = TemporalAccumulator::new(device, channels, format).expect("pipelines");
         let mut history = pass.create_history(device, SIDE, SIDE).expect("a history");
         let mut decoded = self.decoded();
         let frame = decoded.record(encoder, gbuffer, &self.camera, self.camera.focus())?;
@@ -212,7 +212,7 @@ fn parts_of_a_target_are_written() {
 fn shadow_maps_are_what_callers_have() {
     let lab = &*LAB;
     let device = &lab.gpu.device;
-    let pass = SoftShadows::new(device, None).expect("pipelines");
+    let pass = SoftShadows::new(device).expect("pipelines");
     let mut encoder = lab.gpu.encoder();
     let usage = Usages::TEXTURE_BINDING | Usages::RENDER_ATTACHMENT;
     let light = Light::Point {
@@ -266,7 +266,7 @@ fn targets_are_none_of_the_inputs() {
     let depth = lab.empty(Format::R32Float, SIZE, PLAIN, usage, &[]);
     let [first, second] = [0, 1].map(|layer| TextureSlice::new(&layers).layer(layer));
 
-    let pass = ScreenSpaceGi::new(device, None).expect("pipelines");
+    let pass = ScreenSpaceGi::new(device).expect("pipelines");
     let mut gi = |lit, target| {
         let input = ScreenSpaceGiInput {
             gbuffer: lab.gbuffer(),
@@ -291,7 +291,7 @@ fn targets_are_none_of_the_inputs() {
     );
     gi(first, second).expect("another layer");
 
-    let shadows = SoftShadows::new(device, None).expect("pipelines");
+    let shadows = SoftShadows::new(device).expect("pipelines");
     let map = lab.empty(
         Format::Depth32Float,
         SIZE,
@@ -332,7 +332,6 @@ fn targets_are_none_of_the_inputs() {
         albedo: true,
         glossy: false,
         components: Components::default(),
-        cache: None,
     };
     let hull = SgHull::new(device, &descriptor).expect("pipelines");
     let view = hull
@@ -420,7 +419,6 @@ fn hull_picture(lab: &Lab, gbuffer: GBuffer<'_>, record: RecordHull) -> Vec<[f32
         albedo: true,
         glossy: false,
         components: Components::default(),
-        cache: None,
     };
     let hull = SgHull::new(device, &descriptor).expect("pipelines");
     let size = SgHullSize::new(SIDE, SIDE);
@@ -474,7 +472,7 @@ fn hits_picture(lab: &Lab, gbuffer: GBuffer<'_>) -> Vec<[f32; 4]> {
         deferred: false,
         target: Format::Rgba32Float,
     };
-    let pass = HitResolver::new(device, &descriptor, None).expect("pipelines");
+    let pass = HitResolver::new(device, &descriptor).expect("pipelines");
     let scratch = pass.create_view(device, &hits).expect("a view");
     let target = lab.gpu.target(Format::Rgba32Float, SIDE, SIDE);
     let input = HitResolverInput::new(&frame, &hits, target.texture());
@@ -510,7 +508,6 @@ fn sums_picture(lab: &Lab, gbuffer: GBuffer<'_>) -> Vec<[f32; 4]> {
         effect: &effect,
         subgroups: false,
         statistics: false,
-        cache: None,
     };
     let splatter = ShellSplatter::new(device, &descriptor).expect("pipelines");
     let sums = lab.splat_view();
@@ -520,7 +517,7 @@ fn sums_picture(lab: &Lab, gbuffer: GBuffer<'_>) -> Vec<[f32; 4]> {
     splatter
         .record(device, &mut encoder, &input, &splat(), &sums)
         .expect("sums");
-    let pass = splatter.reconstructor(device, Format::Rgba32Float, None);
+    let pass = splatter.reconstructor(device, Format::Rgba32Float);
     let pass = pass.expect("pipelines");
     let scratch = pass.create_view(device, &sums).expect("a view");
     let target = lab.gpu.target(Format::Rgba32Float, SIDE, SIDE);
