@@ -94,8 +94,9 @@ impl RayTracedScene {
     /// Records the scene of a frame.
     ///
     /// # Errors
-    /// What [`Surfelizer::record`] finds of the geometry, the cameras and the reach; [`Error::Limit`] for more triangles than the
-    /// device can bind. What was recorded before stays as it was then.
+    /// What [`Surfelizer::record`] finds of the geometry and the cameras, and [`Light::validate`] of lights; [`Error::Setting`]
+    /// for the reach; [`Error::Limit`] for more triangles than the device can bind. What was recorded before stays as it was
+    /// then.
     pub fn record(
         &mut self,
         device: &Device,
@@ -108,6 +109,9 @@ impl RayTracedScene {
             input.reach,
             "0 to infinity",
         )?;
+        for light in input.lighting.iter().flat_map(|lighting| lighting.lights) {
+            light.validate()?;
+        }
         if let Some(counts) = self.readback.take() {
             self.counts = Some(counts);
         }

@@ -26,7 +26,7 @@ use crate::{
         MotionVectors, TemporalAccumulator, TemporalHistory, TemporalInput,
         settings::TemporalSettings,
     },
-    texture_slice::TextureSlice,
+    texture_slice::{TextureSlice, check_apart},
 };
 
 /// What a [`RayTracedView`] shows.
@@ -140,6 +140,7 @@ impl<'a> RayTracedInput<'a> {
 #[derive(Debug)]
 pub struct RayTracedView {
     effect: RayTracedEffect,
+    target: TextureFormat,
     rays: RaySettings,
     decoder: GBufferDecoder,
     tracer: BouncedZBuffer,
@@ -218,6 +219,7 @@ impl RayTracedView {
             decoder: GBufferDecoder::new(compiler)?,
             tracer,
             effect,
+            target,
             rays,
             temporal,
             room: None,
@@ -268,6 +270,7 @@ impl RayTracedView {
         input: &RayTracedInput<'_>,
     ) -> Result<(), Error> {
         let (cloud, bvh) = scene.traced().ok_or_else(|| never("RayTracedScene"))?;
+        self.check(scene, input)?;
         self.make_room(device, input.camera)?;
         let Some(room) = &mut self.room else {
             return Ok(());
@@ -327,6 +330,35 @@ impl RayTracedView {
             + room.hits.memory_bytes()
             + room.scratch.memory_bytes()
             + joined
+    }
+
+    /// What the passes would find only after others were recorded.
+    fn check(&self, scene: &RayTracedScene, input: &RayTracedInput<'_>) -> Result<(), Error> {
+        const TARGET: &str = "RayTracedInput::target";
+        let viewport = input.camera.viewport();
+        input.gbuffer.validate(viewport)?;
+        match self.effect {
+            RayTracedEffect::AmbientOcclusion { .. } => {}
+            RayTracedEffect::IndirectDiffuse { .. } => {
+                input
+                    .gbuffer
+                    .albedo_for("RayTracedEffect::IndirectDiffuse")?;
+            }
+            RayTracedEffect::IndirectSpecular { .. } => {
+                input
+                    .gbuffer
+                    .roughness_for("RayTracedEffect::IndirectSpecular")?;
+            }
+        }
+        if self.effect.payload().is_radiance() && scene.lighting().is_none() {
+            return Err(Error::Mismatch {
+                name: "RayTracedSceneInput::lighting",
+                found: "none".into(),
+                needed: "materials and lights, for indirect light".into(),
+            });
+        }
+        screen::check_target(TARGET, &input.target, viewport, self.target)?;
+        check_apart(TARGET, &input.target, input.gbuffer.reads())
     }
 
     /// Makes the textures for the camera's viewport, unless they are there.

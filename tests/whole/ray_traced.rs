@@ -276,8 +276,8 @@ fn what_is_not_there_is_a_typed_error() {
     refused(
         with(lit, camera, &mut view, &traced),
         "Mismatch",
-        "BouncedInput::radiance",
-        "Lit",
+        "RayTracedSceneInput::lighting",
+        "indirect light",
     );
     let lights = lamp();
     let input = RayTracedSceneInput {
@@ -314,7 +314,7 @@ fn what_is_not_there_is_a_typed_error() {
     refused(
         with(lit, camera, &mut other, &traced),
         "Mismatch",
-        "HitResolverInput::target",
+        "RayTracedInput::target",
         "Rgba16Float",
     );
 
