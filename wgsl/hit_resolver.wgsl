@@ -298,6 +298,10 @@ fn value_of(color: vec3f) -> Value {
 
 @fragment
 fn reconstruct(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
+  return held(resolved(fragment));
+}
+
+fn resolved(fragment: vec4f) -> vec4f {
   let corner = vec2i(params.camera.viewport.xy);
   let at = clamp(vec2i(fragment.xy) - corner, vec2i(0), size() - 1);
   let texel = textureLoad(receivers, at, 0);

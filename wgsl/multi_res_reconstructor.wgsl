@@ -192,12 +192,12 @@ fn blend(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
   let texel = select(vec2u(0u), pixel, a > 0.0);
   let value = value_of(textureLoad(own, texel, 0));
   if a >= params.whole_from && is_sound(value) {
-    return texel_of(value);
+    return held(texel_of(value));
   }
   if a > 0.0 && a < params.whole_from {
-    return texel_of(value_of(textureLoad(mended, texel, 0)));
+    return held(texel_of(value_of(textureLoad(mended, texel, 0))));
   }
-  return texel_of(coarser_at(pixel, ALIKE));
+  return held(texel_of(coarser_at(pixel, ALIKE)));
 }
 
 #else

@@ -222,7 +222,7 @@ fn reconstruct(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
     total += value_of(textureLoad(means, at, 0, 0));
 #endif
   }
-  return resolve(total, albedo);
+  return held(resolve(total, albedo));
 }
 
 #endif

@@ -324,9 +324,9 @@ fn show(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
   let at = clamp(vec2i(fragment.xy) - vec2i(params.viewport.xy), vec2i(0), size() - 1);
   let mean = history_of(textureLoad(means, at, 0)).mean;
 #if COLOR
-  return vec4f(mean, 1.0);
+  return held(vec4f(mean, 1.0));
 #else
-  return vec4f(mean.xxx, 1.0);
+  return held(vec4f(mean.xxx, 1.0));
 #endif
 }
 

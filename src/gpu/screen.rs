@@ -78,13 +78,14 @@ pub(crate) struct Screen<'a> {
 
 impl Screen<'_> {
     pub fn create(&self, device: &Device) -> RenderPipeline {
+        let brightest = ("brightest", brightest(self.target));
         Drawing {
             label: self.label,
             module: self.module,
             vertex: "cover",
             fragment: self.entry,
             layouts: &[self.layout],
-            constants: self.constants,
+            constants: &[self.constants, &[brightest]].concat(),
             topology: wgpu::PrimitiveTopology::TriangleList,
             target: self.target,
             cache: self.cache,

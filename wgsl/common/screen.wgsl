@@ -1,4 +1,7 @@
 // One triangle over the whole viewport (src/gpu/screen.rs).
+
+#import target
+
 @vertex
 fn cover(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {
   return vec4f(f32(i & 1u) * 4.0 - 1.0, f32(i >> 1u) * 4.0 - 1.0, 0.0, 1.0);

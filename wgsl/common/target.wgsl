@@ -1,6 +1,7 @@
-// What a target of floats can hold (src/gpu/screen.rs): of what is brighter, halves make infinity, or no number at all.
+// What a target of floats can hold (src/gpu/screen.rs): of what is brighter, halves make infinity, or no number at all. All that
+// is drawn into a caller's texture goes through held().
 override brightest: f32 = 3.4e38;
 
 fn held(color: vec4f) -> vec4f {
-  return vec4f(min(color.xyz, vec3f(brightest)), color.w);
+  return clamp(color, vec4f(-brightest), vec4f(brightest));
 }

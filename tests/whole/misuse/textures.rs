@@ -442,6 +442,12 @@ fn hull_picture(lab: &Lab, gbuffer: GBuffer<'_>, record: RecordHull) -> Vec<[f32
 
 /// The wall under a bright sky.
 fn hits_picture(lab: &Lab, gbuffer: GBuffer<'_>) -> Vec<[f32; 4]> {
+    let target = lab.gpu.target(Format::Rgba32Float, SIDE, SIDE);
+    draw_hits(lab, gbuffer, 1.0, &target);
+    lab.gpu.read_texture(target.texture(), 0)
+}
+
+fn draw_hits(lab: &Lab, gbuffer: GBuffer<'_>, sky: f32, target: &wgpu::TextureView) {
     let device = &lab.gpu.device;
     let mut encoder = lab.gpu.encoder();
     let cloud = lab.recorded(&mut encoder, ROOM);
@@ -451,7 +457,7 @@ fn hits_picture(lab: &Lab, gbuffer: GBuffer<'_>) -> Vec<[f32; 4]> {
     let hits = lab.hits(&lab.lit);
     let traced = BouncedSettings {
         rays_per_pixel: 4,
-        sky_radiance: [1.0; 3],
+        sky_radiance: [sky; 3],
         ..BouncedSettings::default()
     };
     let mut decoded = lab.decoded();
@@ -470,21 +476,25 @@ fn hits_picture(lab: &Lab, gbuffer: GBuffer<'_>) -> Vec<[f32; 4]> {
         payload: Payload::Radiance,
         sampling: Sampling::default(),
         deferred: false,
-        target: Format::Rgba32Float,
+        target: target.texture().format(),
     };
     let pass = HitResolver::new(device, &descriptor).expect("pipelines");
     let scratch = pass.create_view(device, &hits).expect("a view");
-    let target = lab.gpu.target(Format::Rgba32Float, SIDE, SIDE);
     let input = HitResolverInput::new(&frame, &hits, target.texture());
     let settings = HitResolverSettings::default();
     pass.record(device, &mut encoder, &input, &settings, &scratch)
         .expect("a picture");
     lab.gpu.finish(encoder);
-    lab.gpu.read_texture(target.texture(), 0)
 }
 
 /// An effect that shows the albedo.
 fn sums_picture(lab: &Lab, gbuffer: GBuffer<'_>) -> Vec<[f32; 4]> {
+    let target = lab.gpu.target(Format::Rgba32Float, SIDE, SIDE);
+    draw_sums(lab, gbuffer, 1.0, &target);
+    lab.gpu.read_texture(target.texture(), 0)
+}
+
+fn draw_sums(lab: &Lab, gbuffer: GBuffer<'_>, gain: f32, target: &wgpu::TextureView) {
     let device = &lab.gpu.device;
     let mut encoder = lab.gpu.encoder();
     let cloud = lab.recorded(&mut encoder, ROOM);
@@ -498,7 +508,7 @@ fn sums_picture(lab: &Lab, gbuffer: GBuffer<'_>) -> Vec<[f32; 4]> {
         .expect("its last function");
     let effect = Effect {
         source: format!(
-            "{kept}fn resolve(sum: f32, albedo: vec3f) -> vec4f {{ return vec4f(albedo, 1.0); }}"
+            "{kept}fn resolve(sum: f32, albedo: vec3f) -> vec4f {{ return vec4f({gain:?} * albedo, 1.0); }}"
         )
         .into(),
         albedo: true,
@@ -517,14 +527,51 @@ fn sums_picture(lab: &Lab, gbuffer: GBuffer<'_>) -> Vec<[f32; 4]> {
     splatter
         .record(device, &mut encoder, &input, &splat(), &sums)
         .expect("sums");
-    let pass = splatter.reconstructor(device, Format::Rgba32Float);
+    let pass = splatter.reconstructor(device, target.texture().format());
     let pass = pass.expect("pipelines");
     let scratch = pass.create_view(device, &sums).expect("a view");
-    let target = lab.gpu.target(Format::Rgba32Float, SIDE, SIDE);
     let input = ReconstructorInput::new(&frame, &sums, target.texture());
     let settings = ReconstructorSettings::default();
     pass.record(device, &mut encoder, &input, &settings, &scratch)
         .expect("a picture");
     lab.gpu.finish(encoder);
-    lab.gpu.read_texture(target.texture(), 0)
+}
+
+/// Brighter than a half can be, which some drivers make no number of: it is the brightest half.
+#[test]
+fn halves_hold_the_brightest() {
+    let lab = &*LAB;
+    let white = lab.gpu.texture(
+        Format::Rgba32Float,
+        SIDE,
+        SIDE,
+        &vec![[1.0_f32; 4]; (SIDE * SIDE) as usize],
+    );
+    let gbuffer = GBuffer {
+        albedo: Some(white.texture().into()),
+        ..lab.gbuffer()
+    };
+    let bright = lab.gpu.texture(
+        Format::Rgba32Float,
+        SIDE,
+        SIDE,
+        &vec![[1e9_f32; 4]; (SIDE * SIDE) as usize],
+    );
+    let check = |name: &str, draw: &dyn Fn(&wgpu::TextureView)| {
+        let target = lab.gpu.target(Format::Rgba16Float, SIDE, SIDE);
+        draw(&target);
+        let texels: Vec<[u16; 4]> = lab.gpu.read_texture(target.texture(), 0);
+        for texel in texels {
+            assert_eq!(texel[..3], [0x7bff; 3], "{name}: {texel:x?}");
+        }
+    };
+    check("hits", &|target| draw_hits(lab, gbuffer, 1e9, target));
+    check("sums", &|target| draw_sums(lab, gbuffer, 1e9, target));
+    check("frames", &|target| {
+        let mut encoder = lab.gpu.encoder();
+        let (picture, target) = (bright.texture().into(), target.texture().into());
+        lab.accumulate(&mut encoder, gbuffer, picture, target, Format::Rgba16Float)
+            .expect("a picture");
+        submit(lab, encoder);
+    });
 }
