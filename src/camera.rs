@@ -611,7 +611,7 @@ pub struct CameraParams {
     pub(crate) reference: f32,
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     cameras_are_the_shaders: CameraParams as "Camera" in [
         "surfelizer", "receivers", "reconstructor smooth", "reconstructor",
         "temporal_accumulator", "bounced_z_buffer radiance glossy",
@@ -627,7 +627,7 @@ pub struct RayParams {
     pub(crate) direction: [[f32; 4]; 3],
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     rays_are_the_shaders: RayParams as "Rays" in ["volumetric_obscurance", "sg_hull_segment"]
     { base, direction }
 );

@@ -2,7 +2,10 @@
 
 use std::borrow::Cow;
 
-use crate::gpu::preprocess::Module;
+use crate::gpu::{listing, preprocess::Module};
+
+/// What passes add their modules to, of which some are made for an effect.
+pub(crate) type Listing<'a> = listing::Listing<'a, Effect>;
 
 /// How wide an effect's sums are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]

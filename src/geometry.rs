@@ -230,7 +230,7 @@ pub struct Material {
     pub double_sided: u32,
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     materials_are_the_shaders: Material as "Material" in ["shell_splatter build", "surfel_shader"]
     { albedo, emission, double_sided }
 );

@@ -97,6 +97,7 @@ mod geometry;
 mod gpu;
 mod hit_resolver;
 mod light;
+mod made;
 mod multi_res_mask;
 mod multi_res_reconstructor;
 mod overrides;
@@ -106,6 +107,7 @@ mod reconstructor;
 mod recorded;
 #[cfg(feature = "reference")]
 pub mod reference;
+mod reflection;
 mod reflective_shadow_map;
 #[cfg(feature = "scenes")]
 pub mod scenes;
@@ -140,7 +142,7 @@ pub use geometry::{
     Geometry, IndexFormat, Indices, Instances, Material, Mesh, PositionFormat, TransformFormat,
     Vertices,
 };
-pub use gpu::{Timestamps, compiler::Compiler};
+pub use gpu::{Timestamps, compiler::Compiler, listing::Shader};
 pub use hit_resolver::{
     HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverView,
     settings::HitResolverSettings,
@@ -177,21 +179,22 @@ pub use sg_hull::{
     surfels::SurfelLight,
     view::SgHullView,
 };
-pub use shaders::{Shader, shaders};
+pub use shaders::shaders;
 pub use shell_splatter::{
     ClusterInput, ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatView, SurfelClusters,
     settings::SplatSettings,
 };
 pub use soft_shadows::{SoftShadows, SoftShadowsInput, settings::SoftShadowsSettings};
 pub use surfel::{
-    CloudCapacity, Piece, Surfel, SurfelCloud, SurfelCounts, SurfelRadiance, SurfelSource,
+    CloudCapacity, Piece, Placement, Surfel, SurfelCloud, SurfelCounts, SurfelRadiance,
+    SurfelSource,
 };
 pub use surfel_shader::{
     ShadedLight, Shadow, ShadowMap, SurfelShader, SurfelShaderInput, settings::SurfelShaderSettings,
 };
 pub use surfelizer::{
     Surfelizer, SurfelizerInput,
-    settings::{Placement, Reach, SurfelizerSettings},
+    settings::{Reach, SurfelizerSettings},
 };
 pub use temporal_accumulator::{
     MotionVectors, TemporalAccumulator, TemporalHistory, TemporalInput, settings::TemporalSettings,

@@ -120,7 +120,7 @@ pub(crate) struct LightParams {
     pub(crate) sharpness: f32,
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     lights_are_the_shaders: LightParams as "Light" in [
         "surfel_shader shadow map samples", "sg_hull_gather lights",
     ]

@@ -12,8 +12,31 @@ use crate::{
         storage,
     },
     recorded::{Recordings, Stamp},
-    surfelizer::settings::Placement,
 };
+
+/// Where a piece's surfels go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Placement {
+    /// At the centroids of the piece's leaves: even coverage, and disks that can become gap-free cells.
+    #[default]
+    Centroid,
+    /// At random over the piece, by a hash that stays when the camera moves (The Bounced Z-buffer 4.3).
+    Random,
+    /// Deep Screen Space 3.1: the pattern of the tessellator's points, inset by a radius from the piece's corners and
+    /// jittered by at most a radius. At least three surfels per piece.
+    Grid,
+}
+
+impl Placement {
+    /// The shader's number for it.
+    pub(crate) fn code(self) -> u32 {
+        match self {
+            Self::Centroid => 0,
+            Self::Random => 1,
+            Self::Grid => 2,
+        }
+    }
+}
 
 /// How much a cloud can hold. Memory is `32 · surfels + 52 · pieces + 4 · triangles` bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,7 +102,7 @@ pub struct SurfelSource {
     pub material: u32,
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     sources_are_the_shaders: SurfelSource as "SurfelSource" in [
         "surfelizer", "shell_splatter build", "shell_splatter splat",
     ]
@@ -103,7 +126,7 @@ pub struct SurfelRadiance {
     pub padding1: f32,
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     radiance_is_the_shaders: SurfelRadiance as "SurfelRadiance" in [
         "surfel_shader shadow map samples",
     ]
@@ -132,7 +155,7 @@ pub struct Piece {
     pub triangle: u32,
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     pieces_are_the_shaders: Piece as "Piece" in ["surfelizer"]
     { a, material, b, shape, c, triangle }
 );
@@ -159,7 +182,7 @@ pub struct SurfelCounts {
     pub lost_area: u32,
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     counts_are_the_shaders: SurfelCounts as "Counters" in [
         "surfelizer", "shell_splatter build", "shell_splatter splat",
     ]

@@ -5,7 +5,7 @@ use wgpu::{
     TextureViewDescriptor, TextureViewDimension,
 };
 
-use crate::{camera::Viewport, error::Error, gpu::made};
+use crate::{camera::Viewport, error::Error, made};
 
 /// A part of a texture of the caller's: one layer of one mip level. `(&texture).into()` is its first, which is all of a plain
 /// 2-D texture, and of a swap chain's.

@@ -18,9 +18,11 @@ use self::{
 };
 use crate::{
     bvh::{Bvh, Primitives},
+    effect::Listing,
     error::{Error, check_setting},
     geometry::Material,
     gpu::compiler::Compiler,
+    gpu::listing::name_of,
     gpu::{
         Kernel, Timestamps,
         binding::{self, Kept, Layout, whole},
@@ -29,10 +31,9 @@ use crate::{
     },
     receivers::{Frame, check_view_size, plane},
     recorded::Last,
-    shaders::{Listing, name_of},
+    surfel::Placement,
     surfel::SurfelCloud,
     surfel_shader::radiance_bytes,
-    surfelizer::settings::Placement,
 };
 
 const SOURCE: &str = include_str!("../../wgsl/bounced_z_buffer.wgsl");

@@ -31,7 +31,7 @@ pub struct BouncedParams {
     pub(crate) world_radius: f32,
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     params_are_the_shaders: BouncedParams as "Params" in [
         "bounced_z_buffer occlusion", "bounced_z_buffer radiance",
         "bounced_z_buffer occlusion glossy", "bounced_z_buffer radiance glossy",
@@ -73,7 +73,7 @@ pub(crate) struct LightsParams {
     pub(crate) padding: [u32; 3],
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     lights_are_the_shaders: LightsParams as "Lights" in ["bounced_z_buffer radiance lit"]
     { lights, count }
 );
@@ -111,7 +111,7 @@ pub(crate) struct DiskParams {
     pub(crate) padding: [u32; 3],
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     disks_are_the_shaders: DiskParams as "DiskParams" in ["bounced_z_buffer occlusion disks"]
     { levels, merge, seed, capacity, level_first, shell_radii }
 );

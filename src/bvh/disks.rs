@@ -7,6 +7,7 @@ use wgpu::{
 };
 
 use crate::{
+    effect::Listing,
     error::{Error, check_limit},
     gpu::{
         Kernel, Timestamps, WORKGROUP,
@@ -14,7 +15,6 @@ use crate::{
         compute_pass, dispatch, shader, storage,
         uniforms::{Parameters, Place, Uploaded},
     },
-    shaders::Listing,
     surfel::SurfelCloud,
 };
 
@@ -70,7 +70,7 @@ pub(crate) struct DiskBoundsParams {
     pub(crate) level_first: u32,
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     params_are_the_shaders: DiskBoundsParams as "Params" in ["disk_bounds"]
     { level, depth, capacity, level_first }
 );

@@ -13,11 +13,11 @@ use self::{
     triangles::{TriangleBvh, TriangleBvhPass},
 };
 use crate::{
+    effect::Listing,
     error::{Error, check_setting},
     gpu::compiler::Compiler,
     gpu::{Timestamps, check_timestamps},
     recorded::{Last, Stamp},
-    shaders::Listing,
     surfel::SurfelCloud,
 };
 

@@ -8,6 +8,7 @@ use wgpu::{
 };
 
 use crate::{
+    effect::Listing,
     error::{Error, check_limit},
     gpu::{
         Kernel, Timestamps, WORKGROUP,
@@ -17,7 +18,6 @@ use crate::{
         storage,
         uniforms::{Parameters, Place, Uploaded},
     },
-    shaders::Listing,
 };
 
 const LABEL: &str = "deep-screen-space bvh";
@@ -39,15 +39,15 @@ const BINARY_NODE_BYTES: u64 = 48;
 const STATE_BYTES: u64 = 560;
 const TASK_BYTES: u64 = 16;
 
-crate::gpu::reflection::bytes_of_wgsl!(
+crate::reflection::bytes_of_wgsl!(
     nodes_are_the_shaders: BINARY_NODE_BYTES, as "BinaryNode" in [
         "bvh_order", "bvh_cluster", "bvh_collapse",
     ]
 );
-crate::gpu::reflection::bytes_of_wgsl!(
+crate::reflection::bytes_of_wgsl!(
     state_is_the_shaders: STATE_BYTES, as "State" in ["bvh_order", "bvh_cluster", "bvh_collapse"]
 );
-crate::gpu::reflection::bytes_of_wgsl!(
+crate::reflection::bytes_of_wgsl!(
     tasks_are_the_shaders: TASK_BYTES, as "Task" in ["bvh_collapse"]
 );
 
@@ -85,7 +85,7 @@ pub(crate) struct BvhParams {
     pub(crate) padding: u32,
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     params_are_the_shaders: BvhParams as "Params" in ["bvh_order", "bvh_cluster", "bvh_collapse"]
     { capacity, level, threads }
 );

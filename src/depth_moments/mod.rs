@@ -7,6 +7,7 @@ use wgpu::{
 
 use crate::{
     camera::{Camera, CameraParams},
+    effect::Listing,
     error::Error,
     gpu::{
         Kernel, Timestamps,
@@ -16,7 +17,6 @@ use crate::{
     },
     receivers::check_view_size,
     recorded::Last,
-    shaders::Listing,
     work::level_size,
 };
 
@@ -80,7 +80,7 @@ pub(crate) struct MomentLevel {
     pub(crate) size: [u32; 2],
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     levels_are_the_shaders: MomentLevel as "MomentLevel" in [
         "depth_moments", "volumetric_obscurance areas",
     ]
@@ -112,7 +112,7 @@ pub(crate) struct DepthMomentsParams {
     pub(crate) coarse: MomentLevel,
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     params_are_the_shaders: DepthMomentsParams as "Params" in ["depth_moments depth"]
     { camera, forward, fine, coarse }
 );

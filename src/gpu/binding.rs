@@ -7,13 +7,11 @@ use wgpu::{
     Buffer, BufferBinding, Device, ShaderStages, TextureView,
 };
 
-use super::{
-    interface::{Interface, Variable},
-    made,
-};
+use super::interface::{Interface, Variable};
 use crate::{
     error::{Error, check_limit},
     geometry::{check_size, check_usage},
+    made,
 };
 
 /// What is bound as a variable.

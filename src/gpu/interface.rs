@@ -311,7 +311,7 @@ mod tests {
     use naga::{AddressSpace, ImageClass, ShaderStage, StorageAccess, TypeInner};
 
     use super::*;
-    use crate::{gpu::reflection::effects, shaders};
+    use crate::{reflection::effects, shaders};
 
     /// The names of module scope that `f` is found to use.
     fn used(source: &str) -> Vec<String> {

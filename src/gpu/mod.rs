@@ -4,9 +4,8 @@
 pub(crate) mod binding;
 pub(crate) mod compiler;
 pub(crate) mod interface;
-pub(crate) mod made;
+pub(crate) mod listing;
 pub(crate) mod preprocess;
-pub(crate) mod reflection;
 pub(crate) mod scan;
 pub(crate) mod screen;
 pub(crate) mod shader;

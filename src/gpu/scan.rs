@@ -2,12 +2,13 @@
 
 use wgpu::{BufferUsages, ComputePass, ComputePipeline, Device, PipelineCache};
 
+use super::listing::Listing;
 use super::{
     Kernel,
     binding::{Group, Layout, whole},
     dispatch, shader, storage,
 };
-use crate::{error::Error, shaders::Listing};
+use crate::error::Error;
 
 /// Values that one workgroup scans; `BLOCK` of the shader.
 const BLOCK: u32 = 1024;
@@ -123,7 +124,7 @@ impl ScanBuffer {
 }
 
 /// Every module of the pass.
-pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+pub(crate) fn list<E>(all: &mut Listing<'_, E>) -> Result<(), Error> {
     all.add("scan", shader::assemble("scan", SOURCE, &[], &[])?);
     Ok(())
 }

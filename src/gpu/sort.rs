@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use wgpu::{Buffer, BufferUsages, ComputePass, ComputePipeline, Device, PipelineCache};
 
+use super::listing::Listing;
 use super::{
     Kernel,
     binding::{Group, Layout, whole},
@@ -11,7 +12,7 @@ use super::{
     shader, storage,
     uniforms::Parameters,
 };
-use crate::{error::Error, shaders::Listing};
+use crate::error::Error;
 
 /// Keys that one workgroup moves, and values that a digit has; as in the shader.
 const BLOCK: u32 = 1024;
@@ -21,7 +22,7 @@ const DIGIT_BITS: u32 = 4;
 /// Bytes of a pair of key and value, an `Item`.
 const ITEM_BYTES: u64 = 8;
 
-crate::gpu::reflection::bytes_of_wgsl!(
+crate::reflection::bytes_of_wgsl!(
     items_are_the_shaders: ITEM_BYTES, as "Item" in ["sort"]
 );
 
@@ -57,7 +58,7 @@ pub(crate) struct SortParams {
     pub(crate) padding: [u32; 2],
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     params_are_the_shaders: SortParams as "Params" in ["sort"]
     { shift, blocks }
 );
@@ -152,7 +153,7 @@ impl SortBuffer {
 }
 
 /// Every module of the pass.
-pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+pub(crate) fn list<E>(all: &mut Listing<'_, E>) -> Result<(), Error> {
     all.add("sort", shader::assemble("sort", SOURCE, &[], &[])?);
     Ok(())
 }

@@ -20,7 +20,8 @@ use wgpu::{
     util::DeviceExt,
 };
 
-use super::{binding::Resource, made};
+use super::binding::Resource;
+use crate::made;
 
 /// The least that pages and buffers are made with, bytes.
 const LEAST: u64 = 1024;

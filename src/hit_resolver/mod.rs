@@ -13,8 +13,10 @@ use crate::{
         settings::Sampling,
         view::{BouncedView, Hits},
     },
+    effect::Listing,
     error::Error,
     gpu::compiler::Compiler,
+    gpu::listing::name_of,
     gpu::{
         Kernel, Timestamps,
         binding::{Kept, Layout, Named, view, whole},
@@ -25,7 +27,6 @@ use crate::{
     },
     receivers::Frame,
     receivers::{plane, plane_bytes},
-    shaders::{Listing, name_of},
     texture_slice::{TextureSlice, check_apart},
 };
 

@@ -29,7 +29,7 @@ pub struct HitResolverParams {
     pub(crate) spread: f32,
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     params_are_the_shaders: HitResolverParams as "Params" in [
         "hit_resolver occlusion average", "hit_resolver radiance average",
         "hit_resolver occlusion glossy average", "hit_resolver radiance glossy average",

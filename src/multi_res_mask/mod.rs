@@ -18,9 +18,11 @@ use self::{
 };
 use crate::{
     camera::Camera,
+    effect::Listing,
     error::Error,
     gbuffer::{GBuffer, samples_as_float},
     gpu::compiler::Compiler,
+    gpu::listing::name_of,
     gpu::{
         Kernel, Timestamps, WORKGROUP,
         binding::{Group, Groups, Layout, view, whole},
@@ -30,7 +32,6 @@ use crate::{
         shader,
         uniforms::{Parameters, Place, Uniforms, Uploaded},
     },
-    shaders::{Listing, name_of},
     texture_slice::{TextureSlice, check_slice},
 };
 

@@ -28,7 +28,7 @@ pub(crate) struct EdgeParams {
     pub(crate) padding: [u32; 3],
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     edge_params_are_the_shaders: EdgeParams as "Params" in ["multi_res_mask edges"] {
         gbuffer.camera, gbuffer.normals, gbuffer.depth_step, gbuffer.depth_relative, scale, slope,
         normal_threshold, depth_threshold, shading_threshold, sources,
@@ -85,7 +85,7 @@ pub(crate) struct LevelParams {
     pub(crate) bell: [[f32; 4]; BLOCKS],
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     level_params_are_the_shaders: LevelParams as "Params" in [
         "multi_res_mask widen", "multi_res_mask list",
     ]

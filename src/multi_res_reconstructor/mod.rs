@@ -16,9 +16,11 @@ use self::{
 use crate::{
     camera::Camera,
     effect::Channels,
+    effect::Listing,
     error::Error,
     gbuffer::GBuffer,
     gpu::compiler::Compiler,
+    gpu::listing::name_of,
     gpu::{
         Kernel, Timestamps,
         binding::{Layout, Resource, view, whole},
@@ -29,7 +31,6 @@ use crate::{
     },
     multi_res_mask::{settings::MultiResMaskSettings, view::MultiResView},
     receivers::{plane_bytes, plane_for},
-    shaders::{Listing, name_of},
     texture_slice::{TextureSlice, check_apart},
     work::{LEVELS, level_size},
 };

@@ -19,7 +19,7 @@ pub(crate) struct MultiResReconstructorParams {
     pub(crate) padding: u32,
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     params_are_the_shaders: MultiResReconstructorParams as "Params" in [
         "multi_res_reconstructor", "multi_res_reconstructor blend",
     ] {

@@ -9,6 +9,7 @@ use wgpu::{
 
 use crate::{
     camera::{Camera, CameraParams, Viewport, check_origin},
+    effect::Listing,
     error::{Error, check_limit, check_setting},
     gbuffer::GBuffer,
     gpu::compiler::Compiler,
@@ -19,7 +20,6 @@ use crate::{
         shader::{self, Shader},
         uniforms::Uniforms,
     },
-    shaders::Listing,
     work::PixelList,
 };
 
@@ -157,7 +157,7 @@ pub(crate) struct ReceiversParams {
     pub(crate) depth_relative: f32,
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     params_are_the_shaders: ReceiversParams as "Params" in ["receivers"]
     { camera, normals, depth_step, depth_relative }
 );
@@ -183,7 +183,7 @@ pub(crate) struct ListedReceiversParams {
     padding: [u32; 3],
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     listed_params_are_the_shaders: ListedReceiversParams as "Params" in ["receivers list"]
     { gbuffer.camera, gbuffer.normals, gbuffer.depth_step, gbuffer.depth_relative, level }
 );

@@ -12,6 +12,7 @@ use self::{params::ReconstructorParams, settings::ReconstructorSettings};
 use crate::{
     camera::Viewport,
     effect::Effect,
+    effect::Listing,
     error::Error,
     gpu::compiler::Compiler,
     gpu::{
@@ -24,7 +25,6 @@ use crate::{
     },
     receivers::Frame,
     receivers::{plane, plane_bytes},
-    shaders::Listing,
     shell_splatter::{ShellSplatter, SplatView, Splatted},
     texture_slice::{TextureSlice, check_apart},
     work::level_size,

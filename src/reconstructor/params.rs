@@ -18,7 +18,7 @@ pub struct ReconstructorParams {
     pub(crate) padding: [u32; 3],
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     params_are_the_shaders: ReconstructorParams as "Params" in [
         "reconstructor smooth", "reconstructor",
     ]

@@ -1,6 +1,6 @@
 //! What recordings make on the device, for benches.
 
-use crate::gpu::made;
+use crate::made;
 
 /// Numbers of wgpu objects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -14,8 +14,9 @@ use super::{
 };
 use crate::{
     camera::{Camera, Footprint},
+    surfel::Placement,
     surfel::{CloudCapacity, SurfelCounts},
-    surfelizer::settings::{Placement, Reach, SurfelizerSettings},
+    surfelizer::settings::{Reach, SurfelizerSettings},
 };
 
 const PIECE_EXTENT: f64 = 0.5;

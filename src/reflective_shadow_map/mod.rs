@@ -9,6 +9,7 @@ use wgpu::{BufferUsages, CommandEncoder, ComputePipeline, Device};
 
 use crate::{
     camera::CameraParams,
+    effect::Listing,
     error::{Error, check_setting},
     gpu::compiler::Compiler,
     gpu::{
@@ -20,8 +21,10 @@ use crate::{
     light::{Light, LightParams},
     receivers::Frame,
     recorded::Last,
-    sg_hull::gatherer::PolygonLight,
-    shaders::Listing,
+    sg_hull::{
+        bound::GathererBinding,
+        gatherer::{Gatherer, PolygonLight},
+    },
 };
 
 const SOURCE: &str = include_str!("../../wgsl/reflective_shadow_map.wgsl");
@@ -53,6 +56,21 @@ impl ReflectiveShadowMapView {
     }
 }
 
+impl Gatherer {
+    /// The lights of a reflective shadow map, as [`Gatherer::polygons`] binds them. One binding serves all recordings of the
+    /// map.
+    ///
+    /// # Errors
+    /// [`Error::Mismatch`] for another gatherer.
+    pub fn bind_map(
+        &self,
+        device: &Device,
+        map: &ReflectiveShadowMapView,
+    ) -> Result<GathererBinding, Error> {
+        self.bind_recorded(device, map.lights(), &map.recorded)
+    }
+}
+
 /// What one recording of the [`ReflectiveShadowMap`] works on.
 #[derive(Clone, Copy, Debug)]
 pub struct ReflectiveShadowMapInput<'a> {
@@ -74,7 +92,7 @@ pub(crate) struct ReflectiveShadowMapParams {
     pub(crate) light: LightParams,
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     params_are_the_shaders: ReflectiveShadowMapParams as "Params" in ["reflective_shadow_map"]
     { camera, light }
 );

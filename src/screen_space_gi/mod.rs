@@ -9,11 +9,11 @@ use wgpu::{CommandEncoder, Device, TextureFormat, TextureUsages};
 use self::{params::ScreenSpaceGiParams, settings::ScreenSpaceGiSettings};
 use crate::{
     camera::Camera,
+    effect::Listing,
     error::Error,
     gbuffer::{GBuffer, samples_as_float},
     gpu::compiler::Compiler,
     gpu::{Timestamps, binding::view, check_timestamps, shader, uniforms::Uniforms},
-    shaders::Listing,
     texture_slice::{TextureSlice, check_apart, check_slice},
     work::{PixelList, WorkKernel, WorkKernelDescriptor, check_work},
 };

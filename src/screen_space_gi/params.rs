@@ -16,7 +16,7 @@ pub(crate) struct ScreenSpaceGiParams {
     pub(crate) radius: f32,
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     params_are_the_shaders: ScreenSpaceGiParams as "Params" in [
         "screen_space_gi", "screen_space_gi list",
     ] {

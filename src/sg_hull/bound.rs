@@ -8,7 +8,7 @@ use wgpu::{BindGroup, BindGroupEntry, Device};
 use super::gatherer::Gatherer;
 use crate::{
     error::Error,
-    gpu::made,
+    made,
     recorded::{Last, Stamp},
 };
 

@@ -16,10 +16,10 @@ use crate::{
     gpu::{
         binding::{self, whole},
         interface::Interface,
-        made,
     },
     light::{Light, LightParams},
-    reflective_shadow_map::ReflectiveShadowMapView,
+    made,
+    recorded::Last,
 };
 
 const LABEL: &str = "deep-screen-space gatherer";
@@ -75,7 +75,7 @@ pub struct PolygonLight {
     pub blue: f32,
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     polygon_lights_are_the_shaders: PolygonLight as "PolygonLight" in [
         "sg_hull_gather polygons", "reflective_shadow_map",
     ]
@@ -126,21 +126,17 @@ impl Gatherer {
         self.bound(device, &entries, Origin::Unknown, None)
     }
 
-    /// The lights of a reflective shadow map, as [`Gatherer::polygons`] binds them. One binding serves all recordings of the
-    /// map.
-    ///
-    /// # Errors
-    /// [`Error::Mismatch`] for another gatherer.
-    pub fn bind_map(
+    /// The polygons of something that is recorded, for positions relative to what it was recorded for last.
+    pub(crate) fn bind_recorded(
         &self,
         device: &Device,
-        map: &ReflectiveShadowMapView,
+        polygons: &Buffer,
+        origin: &Arc<Last<DVec3>>,
     ) -> Result<GathererBinding, Error> {
         self.check_kind(POLYGONS, "Gatherer::polygons")?;
-        let resources = [("polygon_lights", whole(map.lights()))];
-        let origin = Origin::Map(Arc::clone(&map.recorded));
+        let resources = [("polygon_lights", whole(polygons))];
         let entries = binding::entries(&POLYGONS_INTERFACE, &resources);
-        self.bound(device, &entries, origin, None)
+        self.bound(device, &entries, Origin::Map(Arc::clone(origin)), None)
     }
 
     /// What [`Gatherer::lights`] binds. No light is valid.

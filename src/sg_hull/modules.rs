@@ -2,9 +2,10 @@
 
 use super::{gatherer, surfels};
 use crate::{
+    effect::Listing,
     error::Error,
+    gpu::listing::name_of,
     gpu::{preprocess::Module, shader},
-    shaders::{Listing, name_of},
 };
 
 /// The modules that a hull is made of.

@@ -27,7 +27,7 @@ pub struct SgHullParams {
     pub(crate) rays: RayParams,
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     params_are_the_shaders: SgHullParams as "Params" in [
         "sg_hull_segment", "sg_hull_plan", "sg_hull_gather", "sg_hull albedo",
         "sg_hull albedo glossy",
@@ -88,7 +88,7 @@ pub struct HullSegment {
     pub padding: [u32; 3],
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     segments_are_the_shaders: HullSegment as "Segment" in [
         "sg_hull_segment", "sg_hull_plan", "sg_hull_gather", "sg_hull albedo",
         "sg_hull albedo glossy",
@@ -122,7 +122,7 @@ pub struct HullVertex {
     pub padding: u32,
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     vertices_are_the_shaders: HullVertex as "HullVertex" in [
         "sg_hull_place", "sg_hull_gather", "sg_hull_classify", "sg_hull albedo",
     ]
@@ -164,7 +164,7 @@ pub struct SgHullCounts {
     pub padding: [u32; 2],
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     counts_are_the_shaders: SgHullCounts as "Counters" in [
         "sg_hull_segment", "sg_hull_plan", "sg_hull_gather", "sg_hull albedo",
         "sg_hull albedo glossy",
@@ -174,21 +174,21 @@ crate::gpu::reflection::same_as_wgsl!(
     }
 );
 // Stages know those alone that they count, and add to them without waiting for each other.
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     segmenting_counts: SgHullCounts [12] as "AtomicCounters" in ["sg_hull_segment"]
     { segments, fallbacks, fallback_pixels }
 );
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     placing_counts: SgHullCounts [32] as "PlaceCounters" in ["sg_hull_place"]
     { segments, fallbacks, fallback_pixels, gathered, draw }
 );
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     classifying_counts: SgHullCounts [48] as "ClassifyCounters" in ["sg_hull_classify"] {
         segments, fallbacks, fallback_pixels, gathered, draw, rejected, per_pixel,
         mean_irradiance, splits,
     }
 );
-crate::gpu::reflection::bytes_of_wgsl!(
+crate::reflection::bytes_of_wgsl!(
     splitting_counts: size_of::<SgHullCounts>(), as "SplitCounters" in ["sg_hull_split"]
 );
 

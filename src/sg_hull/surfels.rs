@@ -19,8 +19,8 @@ use crate::{
     gpu::{
         binding::{self, whole},
         interface::Interface,
-        made,
     },
+    made,
     shell_splatter::{
         SurfelClusters,
         params::UNBOUNDED,
@@ -67,7 +67,7 @@ pub(crate) struct SurfelGatherParams {
     pub(crate) places: [[u32; 4]; MAX_LEVELS as usize],
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     params_are_the_shaders: SurfelGatherParams as "SurfelParams" in ["sg_hull_gather surfels"]
     { offset, stored, levels, unbounded, seed, world_radius, reach, places }
 );

@@ -19,20 +19,20 @@ const SPLIT_BYTES: u64 = 240;
 const PART_BYTES: u64 = 80;
 const REJECTED_BYTES: u64 = 16;
 
-crate::gpu::reflection::bytes_of_wgsl!(
+crate::reflection::bytes_of_wgsl!(
     gatherings_are_the_shaders: GATHERING_BYTES, as "Gathering" in [
         "sg_hull_place", "sg_hull_gather", "sg_hull_classify",
     ]
 );
-crate::gpu::reflection::bytes_of_wgsl!(
+crate::reflection::bytes_of_wgsl!(
     splits_are_the_shaders: SPLIT_BYTES, as "Split" in [
         "sg_hull_split", "sg_hull_gather", "sg_hull_classify",
     ]
 );
-crate::gpu::reflection::bytes_of_wgsl!(
+crate::reflection::bytes_of_wgsl!(
     parts_are_the_shaders: PART_BYTES, as "Part" in ["sg_hull_split", "sg_hull"]
 );
-crate::gpu::reflection::bytes_of_wgsl!(
+crate::reflection::bytes_of_wgsl!(
     rejected_are_the_shaders: REJECTED_BYTES, as "RejectedQuad" in [
         "sg_hull_split", "sg_hull_classify",
     ]

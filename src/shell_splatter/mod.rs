@@ -17,9 +17,11 @@ use self::{
 };
 use crate::{
     effect::Effect,
+    effect::Listing,
     error::{Error, check_setting},
     geometry::Material,
     gpu::compiler::Compiler,
+    gpu::listing::name_of,
     gpu::{
         Kernel, Timestamps,
         binding::{self, Kept, Layout, whole},
@@ -28,7 +30,6 @@ use crate::{
     },
     receivers::{Frame, ListedReceiversPass, Place, Receivers, plane, plane_bytes},
     recorded::{Last, Stamp, never},
-    shaders::{Listing, name_of},
     surfel::SurfelCloud,
     surfelizer::settings::Reach,
     work::{PixelList, level_size},
@@ -109,7 +110,7 @@ impl SurfelClusters {
 /// Bytes of a `Cluster` (`wgsl/common/cluster.wgsl`).
 const CLUSTER_BYTES: u64 = 32;
 
-crate::gpu::reflection::bytes_of_wgsl!(
+crate::reflection::bytes_of_wgsl!(
     clusters_are_the_shaders: CLUSTER_BYTES, as "Cluster" in [
         "shell_splatter build", "shell_splatter splat", "sg_hull_gather surfels",
     ]

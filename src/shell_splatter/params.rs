@@ -32,7 +32,7 @@ pub struct SplatParams {
     pub(crate) padding: u32,
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     params_are_the_shaders: SplatParams as "Params" in [
         "shell_splatter build", "shell_splatter splat",
     ] {

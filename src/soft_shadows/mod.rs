@@ -8,6 +8,7 @@ use wgpu::{CommandEncoder, Device, TextureFormat, TextureUsages};
 use self::{params::SoftShadowsParams, settings::SoftShadowsSettings};
 use crate::{
     camera::Camera,
+    effect::Listing,
     error::Error,
     gbuffer::GBuffer,
     gpu::compiler::Compiler,
@@ -18,7 +19,6 @@ use crate::{
         uniforms::{Parameters, Uniforms},
     },
     light::Light,
-    shaders::Listing,
     surfel_shader::{ShadowMap, params::ShadowParams},
     texture_slice::{TextureSlice, check_apart},
     work::{PixelList, WorkKernel, WorkKernelDescriptor, check_work},

@@ -19,7 +19,7 @@ pub(crate) struct SoftShadowsParams {
     pub(crate) padding: [u32; 2],
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     params_are_the_shaders: SoftShadowsParams as "Params" in ["soft_shadows", "soft_shadows list"] {
         gbuffer.camera, gbuffer.normals, gbuffer.depth_step, gbuffer.depth_relative, light, level,
         blockers, samples, turn, extent, max_penumbra,

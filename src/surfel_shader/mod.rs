@@ -15,9 +15,11 @@ use self::{
 use crate::{
     bvh::Bvh,
     camera::Camera,
+    effect::Listing,
     error::{Error, check_limit, check_setting},
     geometry::Material,
     gpu::compiler::Compiler,
+    gpu::listing::name_of,
     gpu::{
         Kernel, Timestamps,
         binding::{self, Layout, view, whole},
@@ -25,9 +27,8 @@ use crate::{
         uniforms::{Parameters, Place, Uniforms, Uploaded},
     },
     light::Light,
-    shaders::{Listing, name_of},
+    surfel::Placement,
     surfel::{SurfelCloud, SurfelRadiance},
-    surfelizer::settings::Placement,
     texture_slice::{Read, TextureSlice, check_layers},
 };
 

@@ -20,7 +20,7 @@ pub(crate) struct SurfelShaderParams {
     pub(crate) padding: [u32; 2],
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     params_are_the_shaders: SurfelShaderParams as "Params" in ["surfel_shader shadow map samples"]
     { light, first, splits }
 );
@@ -51,7 +51,7 @@ pub(crate) struct ShadowCameraParams {
     pub(crate) tilt: [f32; 2],
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     shadow_cameras_are_the_shaders: ShadowCameraParams as "ShadowCamera" in [
         "surfel_shader shadow map samples",
     ]
@@ -104,7 +104,7 @@ pub(crate) struct ShadowParams {
     pub(crate) padding: f32,
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     shadows_are_the_shaders: ShadowParams as "Shadow" in [
         "surfel_shader shadow map samples", "soft_shadows",
     ]

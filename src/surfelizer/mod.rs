@@ -11,6 +11,7 @@ use self::{
 };
 use crate::{
     camera::Camera,
+    effect::Listing,
     error::{Error, check_limit, check_setting},
     geometry::{Geometry, Mesh},
     gpu::compiler::Compiler,
@@ -22,7 +23,6 @@ use crate::{
         shader,
         uniforms::{Parameters, Uniforms},
     },
-    shaders::Listing,
     surfel::{CloudCapacity, SurfelCloud},
 };
 

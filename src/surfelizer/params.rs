@@ -35,7 +35,7 @@ pub struct SurfelizerParams {
     pub(crate) without_vertices: u32,
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     params_are_the_shaders: SurfelizerParams as "Params" in ["surfelizer"] {
         camera, planes, view_count, triangle_count, piece_capacity, surfel_capacity,
         radius_pixels, density, reach_radii, reach_world, origin_high, placement, origin_low,
@@ -97,7 +97,7 @@ pub struct MeshParams {
     pub(crate) padding: [u32; 2],
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     meshes_are_the_shaders: MeshParams as "Mesh" in ["surfelizer"] {
         vertex_offset, vertex_stride, vertex_format, vertex_count, index_offset, index_format,
         base_vertex, triangles, instance_offset, instance_stride, instance_format, instances,

@@ -1,30 +1,9 @@
 //! Public settings and their validation.
 
-use crate::error::{Error, check_setting};
-
-/// Where a piece's surfels go.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum Placement {
-    /// At the centroids of the piece's leaves: even coverage, and disks that can become gap-free cells.
-    #[default]
-    Centroid,
-    /// At random over the piece, by a hash that stays when the camera moves (The Bounced Z-buffer 4.3).
-    Random,
-    /// Deep Screen Space 3.1: the pattern of the tessellator's points, inset by a radius from the piece's corners and
-    /// jittered by at most a radius. At least three surfels per piece.
-    Grid,
-}
-
-impl Placement {
-    /// The shader's number for it.
-    pub(crate) fn code(self) -> u32 {
-        match self {
-            Self::Centroid => 0,
-            Self::Random => 1,
-            Self::Grid => 2,
-        }
-    }
-}
+use crate::{
+    error::{Error, check_setting},
+    surfel::Placement,
+};
 
 /// How far a surfel's effect reaches: what lies farther than this from all that a view can see is not made into
 /// surfels. The smaller of the two holds; [`ShellSplatter::reach`](crate::ShellSplatter::reach) gives the right one.

@@ -13,6 +13,7 @@ use self::{params::TemporalParams, settings::TemporalSettings};
 use crate::{
     camera::{Camera, Viewport},
     effect::Channels,
+    effect::Listing,
     error::{Error, check_setting},
     gbuffer::samples_as_float,
     gpu::compiler::Compiler,
@@ -25,7 +26,6 @@ use crate::{
         uniforms::Uniforms,
     },
     receivers::{Frame, Receivers, plane, plane_bytes},
-    shaders::Listing,
     texture_slice::{TextureSlice, check_apart, check_slice},
 };
 

@@ -26,7 +26,7 @@ pub struct TemporalParams {
     pub(crate) padding: u32,
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     params_are_the_shaders: TemporalParams as "Params" in [
         "temporal_accumulator", "temporal_accumulator show",
     ] {

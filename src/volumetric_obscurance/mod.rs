@@ -14,16 +14,17 @@ use self::{
 use crate::{
     camera::Camera,
     depth_moments::{DepthMoments, DepthMomentsPass},
+    effect::Listing,
     error::Error,
     gbuffer::{Normals, check_depth},
     gpu::compiler::Compiler,
+    gpu::listing::name_of,
     gpu::{
         Timestamps,
         binding::{view, whole},
         check_timestamps, shader,
         uniforms::Uniforms,
     },
-    shaders::{Listing, name_of},
     texture_slice::{TextureSlice, check_apart},
     work::{PixelList, WorkKernel, WorkKernelDescriptor, check_work},
 };

@@ -45,7 +45,7 @@ pub struct ObscuranceParams {
     pub(crate) samples: [[f32; 4]; MOST],
 }
 
-crate::gpu::reflection::same_as_wgsl!(
+crate::reflection::same_as_wgsl!(
     params_are_the_shaders: ObscuranceParams as "Params" in [
         "volumetric_obscurance", "volumetric_obscurance normals areas list",
     ] {

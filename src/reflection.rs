@@ -13,7 +13,7 @@ use crate::{AmbientOcclusion, Channels, Effect, shaders};
 macro_rules! same_as_wgsl {
     ($test:ident: $type:ty as $name:literal in [$($module:literal),+ $(,)?]
         { $($($field:ident).+),+ $(,)? }) => {
-        $crate::gpu::reflection::same_as_wgsl!(
+        $crate::reflection::same_as_wgsl!(
             $test: $type [size_of::<$type>()] as $name in [$($module),+] { $($($field).+),+ }
         );
     };
@@ -23,7 +23,7 @@ macro_rules! same_as_wgsl {
         #[test]
         fn $test() {
             for module in [$($module),+] {
-                $crate::gpu::reflection::check(module, $name, $bytes, &[$((
+                $crate::reflection::check(module, $name, $bytes, &[$((
                     stringify!($($field).+),
                     std::mem::offset_of!($type, $($field).+),
                 )),+]);
@@ -40,7 +40,7 @@ macro_rules! bytes_of_wgsl {
         #[test]
         fn $test() {
             for module in [$($module),+] {
-                $crate::gpu::reflection::check_size(module, $name, $bytes as usize);
+                $crate::reflection::check_size(module, $name, $bytes as usize);
             }
         }
     };
