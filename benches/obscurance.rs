@@ -27,6 +27,7 @@ use rayon::prelude::*;
 use support::{
     bench,
     gpu::{Ask, Gpu},
+    raster::camera_of,
 };
 
 /// What is compared, and the box's half width where it has one.
@@ -83,7 +84,7 @@ struct Effort {
 impl Stage {
     fn new(gpu: &Gpu, scene: &Scene, volume: ObscuranceVolume, effort: &Effort) -> Self {
         let [width, height] = effort.size;
-        let camera = bench::camera_of(scene, [width, height]);
+        let camera = camera_of(scene, [width, height]);
         let tracer = Tracer::new(&scene.positions, &scene.indices).expect("a valid mesh");
         let pixels: Vec<Option<Pixel>> = cast(
             &camera,

@@ -23,7 +23,7 @@ use support::{
     bench,
     gpu::{Ask, Gpu},
     presets,
-    raster::Raster,
+    raster::{Raster, camera_of},
     scene::SceneBuffers,
 };
 
@@ -110,7 +110,7 @@ fn measure(
     [width, height]: [u32; 2],
 ) -> serde_json::Value {
     let scene = scenes::by_name(name).expect("a scene of the crate");
-    let camera = bench::camera_of(&scene, [width, height]);
+    let camera = camera_of(&scene, [width, height]);
     // Bounded, so that there is a square to cover.
     let mut preset = presets::preset(preset_name, f32::INFINITY).expect("a preset");
     preset.splat.unbounded = false;

@@ -17,7 +17,7 @@ use support::{
     bench,
     gpu::{Ask, Gpu},
     hull::{HullRenderer, LightSource, difference},
-    raster::Raster,
+    raster::{Raster, camera_of},
     scene::SceneBuffers,
 };
 
@@ -122,7 +122,7 @@ fn measure(
     runs: usize,
 ) -> serde_json::Value {
     let scene = scenes::by_name(name).expect("a scene");
-    let camera = bench::camera_of(&scene, [width, height]);
+    let camera = camera_of(&scene, [width, height]);
     let buffers = SceneBuffers::new(gpu, &scene);
     let raster = Raster::draw(gpu, &buffers, &camera);
     let size = SgHullSize::new(width, height);

@@ -5,10 +5,9 @@
 //! submission. What an engine has anyway (a device, meshes in buffers, a G-buffer) comes from `examples/support`.
 
 use deep_screen_space::{
-    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, BvhBuilder, Camera,
-    CloudCapacity, FrameInput, GBufferDecoder, Geometry, HitResolverInput, HitResolverSettings,
-    Primitives, Reach, SurfelCounts, Surfelizer, SurfelizerInput, SurfelizerSettings, Viewport,
-    scenes, wgpu,
+    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, BvhBuilder, CloudCapacity,
+    FrameInput, GBufferDecoder, Geometry, HitResolverInput, HitResolverSettings, Primitives, Reach,
+    SurfelCounts, Surfelizer, SurfelizerInput, SurfelizerSettings, scenes, wgpu,
 };
 use support::{
     gpu::{Ask, Gpu},
@@ -28,15 +27,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let buffers = SceneBuffers::new(&gpu, &scene);
     let meshes = buffers.meshes();
     // a camera, in f64, with any projection; its depth convention is read off the matrix:
-    let view = &scene.views[0];
-    let aspect = f64::from(WIDTH) / f64::from(HEIGHT);
-    let camera = Camera::look_at(
-        view.eye.into(),
-        view.target.into(),
-        view.up.into(),
-        raster::perspective(view.vertical_fov_degrees, aspect, view.near),
-        Viewport::full(WIDTH, HEIGHT),
-    )?;
+    let camera = raster::camera_of(&scene, [WIDTH, HEIGHT]);
     // depth and normals, and a texture for the result.
     let drawn = Raster::draw(&gpu, &buffers, &camera);
     let format = wgpu::TextureFormat::R8Unorm;

@@ -7,7 +7,7 @@
 use std::path::{Path, PathBuf};
 
 use deep_screen_space::{
-    Camera, CloudCapacity, Payload, Viewport,
+    Camera, CloudCapacity, Payload,
     reference::{gbuffer, trace::Tracer},
     scenes::{self, Scene},
 };
@@ -45,15 +45,7 @@ fn compare(
     radius: f32,
     folder: &Path,
 ) -> Result<(), Box<dyn std::error::Error>> {
-    let view = &scene.views[0];
-    let aspect = f64::from(WIDTH) / f64::from(HEIGHT);
-    let camera = Camera::look_at(
-        view.eye.into(),
-        view.target.into(),
-        view.up.into(),
-        raster::perspective(view.vertical_fov_degrees, aspect, view.near),
-        Viewport::full(WIDTH, HEIGHT),
-    )?;
+    let camera = raster::camera_of(scene, [WIDTH, HEIGHT]);
     let buffers = SceneBuffers::new(gpu, scene);
     let drawn = Raster::draw(gpu, &buffers, &camera);
 

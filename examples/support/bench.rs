@@ -1,12 +1,9 @@
-//! What benches share: their files, their views of the crate's scenes, and a bar that says how long they will take.
+//! What benches share: their files, sizes, and a bar that says how long they will take.
 
 use std::path::PathBuf;
 
-use deep_screen_space::{Camera, Viewport, scenes::Scene};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
-
-use super::raster::perspective;
 
 /// `target/bench` of the crate, made if it is not there.
 pub fn folder() -> Result<PathBuf, String> {
@@ -27,20 +24,6 @@ pub fn progress(steps: usize) -> ProgressBar {
     let style = ProgressStyle::with_template("{bar:40} {pos}/{len}, {eta} left {msg}");
     ProgressBar::new(steps as u64)
         .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
-}
-
-/// A scene's first view, at a size.
-pub fn camera_of(scene: &Scene, [width, height]: [u32; 2]) -> Camera {
-    let view = &scene.views[0];
-    let aspect = f64::from(width) / f64::from(height);
-    Camera::look_at(
-        view.eye.into(),
-        view.target.into(),
-        view.up.into(),
-        perspective(view.vertical_fov_degrees, aspect, view.near),
-        Viewport::full(width, height),
-    )
-    .expect("a scene's own view")
 }
 
 /// `1280x720` and the like.

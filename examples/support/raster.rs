@@ -1,15 +1,16 @@
 //! A small G-buffer, as an engine would have one: depth, normals, albedo.
 
 use deep_screen_space::{
-    Camera, GBuffer,
+    Camera, GBuffer, Viewport,
     glam::{DMat4, Mat4},
+    scenes::Scene,
     wgpu,
 };
 
 use super::{gpu::Gpu, scene::SceneBuffers};
 
 const SHADER: &str = r"
-// The eye is two floats a coordinate, high + low.
+// The eye is two floats per coordinate, high + low.
 struct View { clip_from_relative: mat4x4f, eye_high: vec4f, eye_low: vec4f }
 struct Material { albedo: vec3f, emission: vec3f }
 @group(0) @binding(0) var<uniform> view: View;
@@ -93,6 +94,20 @@ pub struct Raster {
     pub depth: wgpu::TextureView,
     pub normal: wgpu::TextureView,
     pub albedo: wgpu::TextureView,
+}
+
+/// A scene's first view, at a size.
+pub fn camera_of(scene: &Scene, [width, height]: [u32; 2]) -> Camera {
+    let view = &scene.views[0];
+    let aspect = f64::from(width) / f64::from(height);
+    Camera::look_at(
+        view.eye.into(),
+        view.target.into(),
+        view.up.into(),
+        perspective(view.vertical_fov_degrees, aspect, view.near),
+        Viewport::full(width, height),
+    )
+    .expect("a scene's own view")
 }
 
 impl Raster {

@@ -95,8 +95,8 @@ impl RayTracedScene {
     ///
     /// # Errors
     /// What [`Surfelizer::record`] finds of the geometry and the cameras, and [`Light::validate`] of lights; [`Error::Setting`]
-    /// for the reach; [`Error::Limit`] for more triangles than the device can bind. What was recorded before stays as it was
-    /// then.
+    /// for the reach; [`Error::Limit`] for more triangles than the device can bind. What was recorded before stays, unless
+    /// the room had to grow: then views refuse the scene until it is recorded.
     pub fn record(
         &mut self,
         device: &Device,
@@ -172,27 +172,13 @@ impl RayTracedScene {
     /// Replaces the room where it is too small for so many triangles, or was by the last counts.
     fn make_room(&mut self, device: &Device, triangles: u32) -> Result<(), Error> {
         let most = CloudCapacity::largest(&device.limits());
-        let had = self.room.as_ref().map_or((0, 0), |room| {
-            let capacity = room.cloud.capacity();
-            (capacity.triangles, capacity.pieces)
+        let had = self.room.as_ref().map(|room| room.cloud.capacity());
+        let asked = self.counts.map_or(0, |counts| {
+            // Those that were merged asked for room too.
+            counts.pieces.saturating_add(counts.merged)
         });
-        let asked = self
-            .counts
-            .map_or(0, |counts| counts.pieces.saturating_add(counts.merged));
-        if self.room.is_some() && triangles <= had.0 && asked <= had.1 {
+        let Some(capacity) = grown(had, triangles, asked, most) else {
             return Ok(());
-        }
-        // A quarter more than is needed, so that a scene which grows does not ask each frame.
-        let ample = |needed: u32| needed.saturating_add(needed / 4).max(256);
-        let triangles = ample(triangles)
-            .min(most.triangles)
-            .max(triangles)
-            .max(had.0);
-        let pieces = ample(triangles.max(asked)).min(most.pieces).max(had.1);
-        let capacity = CloudCapacity {
-            surfels: 0,
-            pieces,
-            triangles,
         };
         let cloud = self.surfelizer.create_cloud(device, capacity)?;
         let bvh = self.builder.create(device, &cloud)?;
@@ -200,5 +186,65 @@ impl RayTracedScene {
         // Of other room these tell nothing.
         self.counts = None;
         Ok(())
+    }
+}
+
+/// The room that so many triangles and pieces need, where what there is does not do and the device can bind more. Triangles
+/// beyond what it can bind are asked for all the same, and refused.
+fn grown(
+    had: Option<CloudCapacity>,
+    triangles: u32,
+    pieces: u32,
+    most: CloudCapacity,
+) -> Option<CloudCapacity> {
+    let (had_triangles, had_pieces) = had.map_or((0, 0), |had| (had.triangles, had.pieces));
+    // More than a device can bind is never there: it is merged, and counted.
+    let pieces = pieces.min(most.pieces);
+    if had.is_some() && triangles <= had_triangles && pieces <= had_pieces {
+        return None;
+    }
+    // A quarter more than is needed, so that a scene which grows does not ask each frame.
+    let ample = |needed: u32| needed.saturating_add(needed / 4).max(256);
+    Some(CloudCapacity {
+        surfels: 0,
+        pieces: ample(triangles.max(pieces))
+            .min(most.pieces)
+            .max(had_pieces),
+        triangles: ample(triangles)
+            .min(most.triangles)
+            .max(triangles)
+            .max(had_triangles),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn room_grows_up_to_what_a_device_binds() {
+        let most = CloudCapacity {
+            surfels: 0,
+            pieces: 5000,
+            triangles: 9000,
+        };
+        let first = grown(None, 0, 0, most).expect("some room");
+        assert!(first.pieces > 0 && first.triangles > 0);
+        assert_eq!(
+            grown(Some(first), first.triangles, first.pieces, most),
+            None
+        );
+        let more = grown(Some(first), 1000, 0, most).expect("more");
+        assert!(more.triangles > 1000 && more.pieces > 1000);
+        let parts = grown(Some(more), 1000, 3000, most).expect("more");
+        assert!(parts.pieces >= 3000);
+        // What cannot be had is asked for once.
+        let all = grown(Some(parts), 1000, u32::MAX, most).expect("more");
+        assert_eq!(all.pieces, most.pieces);
+        assert_eq!(grown(Some(all), 1000, u32::MAX, most), None);
+        assert_eq!(
+            grown(Some(all), 9001, 0, most).map(|c| c.triangles),
+            Some(9001)
+        );
     }
 }

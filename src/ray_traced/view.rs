@@ -257,11 +257,11 @@ impl RayTracedView {
     /// Records the effect into the caller's texture.
     ///
     /// # Errors
-    /// [`Error::Recording`] where the scene was not recorded; [`Error::Mismatch`] where positions of the scene are relative to
-    /// another point than the camera can be (see [`RayTracedScene`]), where light is asked for and the scene was recorded without
-    /// lighting, or where the G-buffer lacks the albedo or roughness that the effect needs; what [`GBuffer::validate`] finds;
-    /// [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target; [`Error::Limit`] for a viewport beyond the
-    /// device's.
+    /// [`Error::Recording`] where the scene was not recorded; [`Error::Mismatch`] where light is asked for and the scene was
+    /// recorded without lighting, or where the G-buffer lacks the albedo or roughness that the effect needs; what
+    /// [`GBuffer::validate`] finds; [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target; [`Error::Limit`] for
+    /// a viewport beyond the device's. What [`TemporalAccumulator::record`] finds of motion vectors comes after the frame's rays
+    /// were recorded, and leaves the target alone.
     pub fn record(
         &mut self,
         device: &Device,
