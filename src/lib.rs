@@ -96,8 +96,10 @@ mod gbuffer;
 mod geometry;
 mod gpu;
 mod hit_resolver;
+mod instanced_bvh;
 mod light;
 mod made;
+mod mesh_binding;
 mod multi_res_mask;
 mod multi_res_reconstructor;
 mod overrides;
@@ -127,7 +129,7 @@ mod work;
 
 pub use bounced_z_buffer::{
     BouncedInput, BouncedZBuffer,
-    descriptor::{BouncedDescriptor, HitLighting, HitRadiance, Payload},
+    descriptor::{BouncedDescriptor, BouncedScene, HitLighting, HitRadiance, Payload},
     settings::{BouncedSettings, DiskSettings, Merge, Sampling},
     view::BouncedView,
 };
@@ -146,6 +148,9 @@ pub use gpu::{Timestamps, compiler::Compiler, listing::Shader};
 pub use hit_resolver::{
     HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverView,
     settings::HitResolverSettings,
+};
+pub use instanced_bvh::{
+    ChangedMeshes, InstancedBvh, InstancedBvhBuilder, InstancedBvhInput, InstancedCounts,
 };
 pub use light::Light;
 pub use multi_res_mask::{

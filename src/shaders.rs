@@ -5,7 +5,7 @@ use crate::{
     effect::{Effect, Listing},
     error::Error,
     gpu::{listing::Shader, scan, sort},
-    hit_resolver, multi_res_mask, multi_res_reconstructor, receivers, reconstructor,
+    hit_resolver, instanced_bvh, multi_res_mask, multi_res_reconstructor, receivers, reconstructor,
     reflective_shadow_map, screen_space_gi, sg_hull, shell_splatter, soft_shadows, surfel_shader,
     surfelizer, temporal_accumulator, volumetric_obscurance,
 };
@@ -23,6 +23,7 @@ const PASSES: &[List] = &[
     shell_splatter::list,
     reconstructor::list,
     bvh::list,
+    instanced_bvh::list,
     bounced_z_buffer::list,
     hit_resolver::list,
     temporal_accumulator::list,

@@ -9,7 +9,7 @@
 //
 // Without #if RADIANCE a hit is a bit; with it, the radiance that the surfel at the hit sends, or with #if LIT what the
 // hit itself sends of the light that reaches it. Senders are a cloud's pieces,
-// or with #if DISKS its surfels as disks. With #if GLOSSY directions are those of the pixel's glossy lobe; those
+// with #if TWO_LEVELS the triangles of instances of meshes, or with #if DISKS its surfels as disks. With #if GLOSSY directions are those of the pixel's glossy lobe; those
 // below its horizon are not traced.
 
 #import math
@@ -79,7 +79,9 @@ override SAMPLING: u32 = 0u;
 // First surfel of each piece.
 @group(0) @binding(7) var<storage, read> surfel_offsets: array<u32>;
 #endif
+#if !TWO_LEVELS
 @group(0) @binding(8) var<storage, read> pieces: array<Piece>;
+#endif
 #endif
 #else
 // Bits of the directions that hit something.
@@ -140,8 +142,14 @@ fn incoming(ray: Ray, hit: Hit) -> vec3f {
     return params.sky_radiance;
   }
 #if LIT
+#if TWO_LEVELS
+  let index = material_of(hit);
+  let normal = normalize_or(normal_of(hit), -ray.direction);
+#else
   let piece = pieces[hit.primitive];
+  let index = piece.material;
   let normal = normalize_or(area_vector(Triangle(piece.a, piece.b, piece.c)).direction, -ray.direction);
+#endif
   let facing = dot(normal, ray.direction) < 0.0;
   let side = select(-normal, normal, facing);
   let place = ray.origin + ray.direction * hit.t;
@@ -155,7 +163,7 @@ fn incoming(ray: Ray, hit: Hit) -> vec3f {
       irradiance += arrival.irradiance * (cosine * unshadowed(point, lights.lights[i]));
     }
   }
-  let material = materials[min(piece.material, arrayLength(&materials) - 1u)];
+  let material = materials[min(index, arrayLength(&materials) - 1u)];
   let own = own_radiosity(material, facing);
   return min((own + sanitize(material.albedo) * irradiance) / PI, vec3f(BRIGHTEST));
 #else

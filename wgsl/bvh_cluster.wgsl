@@ -9,7 +9,11 @@
 #import math
 #import hashing
 #import dispatch
+#if INSTANCES
+#import instance
+#else
 #import surfel
+#endif
 
 alias Counter = u32;
 alias StateWord = u32;
@@ -28,7 +32,7 @@ struct Params {
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> state: State;
-@group(0) @binding(2) var<storage, read> pieces: array<Piece>;
+@group(0) @binding(2) var<storage, read> primitives: array<Primitive>;
 // Pairs of a key and a primitive, in the order of space.
 @group(0) @binding(3) var<storage, read> items: array<vec2u>;
 // What each block of the level below has left and what those of this one leave: a reference, NO_NODE for none, and a place.
@@ -46,7 +50,7 @@ fn height_limit(level: u32) -> u32 {
 
 // Clusters in the order of space: where what is below is of each.
 var<workgroup> order: array<u32, 256>;
-// A cluster's lowest corner and the area of its triangles, and its highest corner and the number of its primitives.
+// A cluster's lowest corner and the area of its primitives, and its highest corner and the number of its primitives.
 var<workgroup> lows: array<vec4f, 256>;
 var<workgroup> highs: array<vec4f, 256>;
 // Reference and place.
@@ -97,10 +101,10 @@ fn load_cluster(thread: u32, reference: u32, place: u32) {
   var area = 0.0;
   var height = 0u;
   if (reference & LEAF) != 0u {
-    let piece = pieces[reference & ~LEAF];
-    if is_sound(piece) {
-      box = box_of(piece);
-      area = area_of(piece);
+    let primitive = primitives[reference & ~LEAF];
+    if is_sound(primitive) {
+      box = box_of(primitive);
+      area = area_of(primitive);
     } else {
       box = point_of(vec3u(state.bounds[0], state.bounds[1], state.bounds[2]));
     }

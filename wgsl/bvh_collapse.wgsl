@@ -7,11 +7,18 @@
 // known, and with it where its triangles and the nodes below it have room: no place is counted, and all are the same every
 // time. A tree of m > 2 primitives has at most (8 m - 3) / 21 nodes, since a node of fewer than eight children has leaves
 // alone, and three primitives at least.
+//
+// With #if INSTANCES a primitive is an instance of a mesh and becomes a node itself, which rays go on from to that mesh's root.
+// A tree of m > 1 of them has at most (4 m - 1) / 7 nodes besides, since one of fewer than eight children has two at least.
 
 #import math
 #import hashing
 #import dispatch
+#if INSTANCES
+#import instance
+#else
 #import surfel
+#endif
 #import bvh_layout
 
 alias Counter = u32;
@@ -41,12 +48,14 @@ struct Task {
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> state: State;
-@group(0) @binding(2) var<storage, read> pieces: array<Piece>;
+@group(0) @binding(2) var<storage, read> primitives: array<Primitive>;
 @group(0) @binding(3) var<storage, read> binary: array<BinaryNode>;
 // Of all levels, one after the other.
 @group(0) @binding(4) var<storage, read_write> tasks: array<Task>;
 @group(0) @binding(5) var nodes: texture_storage_2d<rgba32uint, write>;
+#if !INSTANCES
 @group(0) @binding(6) var triangles: texture_storage_2d<rgba32uint, write>;
+#endif
 
 // From this level on nodes take those apart that are nearest the root, so that three levels of the binary tree go at a time:
 // the binary tree's depth is bounded, and with it that of the wide one.
@@ -55,7 +64,7 @@ const DEEP: u32 = 16u;
 // What a reference stands for.
 struct Below {
   box: Box,
-  // Primitives, and the area of their triangles.
+  // Primitives, and their area.
   count: u32,
   area: f32,
 }
@@ -65,21 +74,48 @@ fn load_below(reference: u32) -> Below {
     let node = binary[reference];
     return Below(Box(node.low, node.high), node.count, node.area);
   }
-  let piece = pieces[reference & ~LEAF];
-  if is_sound(piece) {
-    return Below(box_of(piece), 1u, area_of(piece));
+  let primitive = primitives[reference & ~LEAF];
+  if is_sound(primitive) {
+    return Below(box_of(primitive), 1u, area_of(primitive));
   }
   let b = &state.bounds;
   return Below(point_of(vec3u(atomicLoad(&b[0]), atomicLoad(&b[1]), atomicLoad(&b[2]))), 1u, 0.0);
 }
 
+#if INSTANCES
+fn is_node(count: u32) -> bool {
+  return true;
+}
+
+// Nodes below one of `count` primitives, which may be a primitive itself.
+fn nodes_below(count: u32) -> u32 {
+  return select(0u, count + (4u * count - 8u) / 7u, count > 1u);
+}
+
+fn write_instance(node: u32, instance: Instance) {
+  let at = node_texel_at(node);
+  if !is_sound(instance) {
+    // A node without children.
+    textureStore(nodes, at, vec4u(0u));
+    return;
+  }
+  textureStore(nodes, at, vec4u(bitcast<vec3u>(instance.shift), IS_INSTANCE));
+  textureStore(nodes, at + vec2u(1u, 0u), vec4u(bitcast<vec3u>(instance.x), instance.root));
+  textureStore(nodes, at + vec2u(2u, 0u), vec4u(bitcast<vec3u>(instance.y), instance.material));
+  textureStore(nodes, at + vec2u(3u, 0u), vec4u(bitcast<vec3u>(instance.z), instance.index));
+}
+#else
+fn is_node(count: u32) -> bool {
+  return count > LEAF_SIZE;
+}
+
 // Nodes below one of `count` primitives that is a node itself.
 fn nodes_below(count: u32) -> u32 {
-  return select(0u, (8u * count - 24u) / 21u, count > LEAF_SIZE);
+  return select(0u, (8u * count - 24u) / 21u, is_node(count));
 }
 
 fn write_triangle(triangle: u32, primitive: u32) {
-  let piece = pieces[primitive];
+  let piece = primitives[primitive];
   let e1 = piece.b - piece.a;
   let e2 = piece.c - piece.a;
   let size = POSITION_TOLERANCE * (max_component(abs(e1)) + max_component(abs(e2)));
@@ -88,6 +124,7 @@ fn write_triangle(triangle: u32, primitive: u32) {
   textureStore(triangles, at + vec2u(1u, 0u), bitcast<vec4u>(vec4f(e1, size)));
   textureStore(triangles, at + vec2u(2u, 0u), bitcast<vec4u>(vec4f(e2, max_component(abs(piece.a)))));
 }
+#endif
 
 // The biased exponent of the least power of two that is at least x.
 fn exponent_above(x: f32) -> u32 {
@@ -119,15 +156,13 @@ fn set_below(children: ptr<function, Children>, i: u32, reference: u32, depth: u
   (*children).counts[i] = below.count;
   // Bits of floats that are not negative have the floats' order. Pairs of triangles come last: they are leaves as they are.
   var size = 0u;
-  if below.count > LEAF_SIZE {
-    size = IS_NODE | select(bitcast<u32>(area), 64u - depth, deep);
-  } else if below.count > 1u {
-    size = 1u + (bitcast<u32>(area) >> 1u);
+  if below.count > 1u {
+    size = select(1u + (bitcast<u32>(area) >> 1u), IS_NODE | select(bitcast<u32>(area), 64u - depth, deep), is_node(below.count));
   }
   (*children).sizes[i] = size;
-  // Nodes come before leaves, and of either kind first what is fuller of triangles: it is more likely to stop a ray.
+  // Nodes come before leaves, and of either kind first what is fuller of its primitives: it is more likely to stop a ray.
   let full = select(0.0, min(below.area / area, FAR), area > 0.0);
-  (*children).ranks[i] = bitcast<u32>(full) | select(0u, IS_NODE, below.count > LEAF_SIZE);
+  (*children).ranks[i] = bitcast<u32>(full) | select(0u, IS_NODE, is_node(below.count));
 }
 
 // How many of eight are larger than the i-th, or as large and before it.
@@ -139,6 +174,12 @@ fn rank_of(a: vec4u, b: vec4u, own: u32, i: u32) -> u32 {
 }
 
 fn make_node(task: Task, level: u32, end: u32) {
+#if INSTANCES
+  if (task.reference & LEAF) != 0u {
+    write_instance(task.node, primitives[task.reference & ~LEAF]);
+    return;
+  }
+#endif
   let deep = level >= DEEP;
   var children = Children();
   set_below(&children, 0u, task.reference, 0u, deep);
@@ -168,7 +209,7 @@ fn make_node(task: Task, level: u32, end: u32) {
   let keys_b = vec4u(children.ranks[4], children.ranks[5], children.ranks[6], children.ranks[7]);
   var inner = 0u;
   for (var i = 0u; i < size; i++) {
-    inner += select(0u, 1u, children.counts[i] > LEAF_SIZE);
+    inner += select(0u, 1u, is_node(children.counts[i]));
   }
   for (var i = 0u; i < size; i++) {
     var own_key = keys_a[i & 3u];
@@ -181,6 +222,7 @@ fn make_node(task: Task, level: u32, end: u32) {
   // Leaves' triangles first, then those of the nodes below.
   var triangle = task.triangle;
   var present = 0u;
+#if !INSTANCES
   for (var rank = inner; rank < size; rank++) {
     let i = children.ranks[rank];
     let reference = children.references[i];
@@ -193,6 +235,7 @@ fn make_node(task: Task, level: u32, end: u32) {
     }
     triangle += children.counts[i];
   }
+#endif
   if inner > 0u {
     let at = end + atomicAdd(&state.levels[level + 1u], inner);
     var below = task.below + inner;
@@ -263,10 +306,10 @@ fn collapse(@builtin(global_invocation_id) id: vec3u) {
   let end = nodes_here.y;
   if level == 0u && id.x == 0u && end == 0u {
     // Without primitives the root has no children.
-    textureStore(nodes, vec2u(0u), vec4u(0u));
+    textureStore(nodes, node_texel_at(state.first_node), vec4u(0u));
   }
   for (var i = nodes_here.x + id.x; i < end; i += params.threads) {
-    var task = Task(state.root, 0u, 0u, 1u);
+    var task = Task(state.root, state.first_node, state.first_triangle, state.first_node + 1u);
     if level > 0u {
       task = tasks[i];
     }

@@ -9,6 +9,9 @@
 #import hashing
 #import dispatch
 #import surfel
+#if INSTANCES
+#import instance
+#endif
 #import slots
 
 alias Counter = u32;
@@ -28,7 +31,7 @@ struct Params {
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> counters: Counters;
-@group(0) @binding(2) var<storage, read> pieces: array<Piece>;
+@group(0) @binding(2) var<storage, read> primitives: array<Primitive>;
 @group(0) @binding(3) var<storage, read_write> state: State;
 // Indirect dispatches: one with one thread per primitive, then one per level of clustering.
 @group(0) @binding(4) var<storage, read_write> dispatches: array<u32>;
@@ -71,8 +74,8 @@ fn measure(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_in
   }
   workgroupBarrier();
   let i = linear_workgroup(workgroup) * 64u + thread;
-  if i < state.count && is_sound(pieces[i]) {
-    let center = center_of(pieces[i]);
+  if i < state.count && is_sound(primitives[i]) {
+    let center = center_of(primitives[i]);
     for (var axis = 0u; axis < 3u; axis++) {
       atomicMin(&bounds[axis], ordered(center[axis]));
       atomicMax(&bounds[3u + axis], ordered(center[axis]));
@@ -103,7 +106,7 @@ fn make_keys(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_
   }
   // What is out of range comes last.
   var key = 0xffffffffu;
-  if is_sound(pieces[i]) {
+  if is_sound(primitives[i]) {
     var low: vec3f;
     var high: vec3f;
     for (var axis = 0u; axis < 3u; axis++) {
@@ -112,7 +115,7 @@ fn make_keys(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_
     }
     // Linear, so that the order does not depend on the eye; cells are cubes.
     let extent = max(max_component(high - low), 1e-30);
-    let unit = (center_of(pieces[i]) - low) / extent;
+    let unit = (center_of(primitives[i]) - low) / extent;
     let cell = vec3u(clamp(unit * 2048.0, vec3f(0.0), vec3f(2047.0)));
     // Of 33 bits the last is left out.
     key = (spread(cell.x) << 1u) | spread(cell.y) | (spread(cell.z) >> 1u);

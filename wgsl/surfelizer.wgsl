@@ -24,6 +24,7 @@
 #import surfel
 #import triangle
 #import slots
+#import mesh
 
 struct Params {
   camera: Camera,
@@ -46,28 +47,6 @@ struct Params {
   origin_low: vec3f,
   // Triangles of meshes without vertices, which nothing is dispatched for.
   without_vertices: u32,
-}
-
-struct Mesh {
-  // In words of 4 bytes from the start of the binding.
-  vertex_offset: u32,
-  vertex_stride: u32,
-  vertex_format: u32,
-  vertex_count: u32,
-  // In indices.
-  index_offset: u32,
-  index_format: u32,
-  base_vertex: i32,
-  triangles: u32,
-  instance_offset: u32,
-  instance_stride: u32,
-  instance_format: u32,
-  instances: u32,
-  // Number of this mesh's first triangle among those of all meshes.
-  first_triangle: u32,
-  material: u32,
-  padding0: u32,
-  padding1: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -281,77 +260,19 @@ fn stand_in(t: Triangle, shape: u32) -> Triangle {
   return Triangle(center + up, center - 0.5 * up + aside, center - 0.5 * up - aside);
 }
 
-fn word_position(word: u32) -> vec3f {
-  if mesh.vertex_format == 0u {
-    return bitcast<vec3f>(vec3u(vertices[word], vertices[word + 1u], vertices[word + 2u]));
-  }
-  let xy = unpack2x16float(vertices[word]);
-  return vec3f(xy, unpack2x16float(vertices[word + 1u]).x);
-}
-
-// The vertex that corner `i` of the draw refers to, or NO_VERTEX where it is out of range.
-const NO_VERTEX: u32 = 0xffffffffu;
-
-fn vertex_index(i: u32) -> u32 {
-  let at = mesh.index_offset + i;
-  if at < i {
-    return NO_VERTEX;
-  }
-  var index = at;
-  if mesh.index_format == 1u {
-    index = (indices[at / 2u] >> (16u * (at & 1u))) & 0xffffu;
-  } else if mesh.index_format == 2u {
-    index = indices[at];
-  }
-  // A sum that wraps around is out of range, not a vertex at the other end.
-  let vertex = index + bitcast<u32>(mesh.base_vertex);
-  let wraps = select((vertex < index), (vertex > index), mesh.base_vertex < 0);
-  return select(vertex, NO_VERTEX, wraps || vertex >= mesh.vertex_count);
-}
-
-struct Transform {
-  x: vec3f,
-  y: vec3f,
-  z: vec3f,
-  t: vec3f,
-}
-
-fn transform_element(base: u32, row: u32, column: u32) -> f32 {
-  // Format 1: columns of four. Format 2: rows of four.
-  let at = select(row * 4u + column, column * 4u + row, mesh.instance_format == 1u);
-  return bitcast<f32>(transforms[base + at]);
-}
-
-fn transform_column(base: u32, column: u32) -> vec3f {
-  return vec3f(
-    transform_element(base, 0u, column),
-    transform_element(base, 1u, column),
-    transform_element(base, 2u, column),
-  );
-}
-
-// The origin is subtracted before anything is added to the translation, so that nothing is rounded at the scale of a
-// scene far from the world's origin.
 fn relative_to_origin(p: vec3f) -> vec3f {
-  return (p - params.origin_high) - params.origin_low;
+  return relative_to(params.origin_high, params.origin_low, p);
 }
 
 // Triangle `i` of the draw in the cloud's space; all zero where it is unusable.
 fn fetch(i: u32) -> Triangle {
   let none = Triangle(vec3f(0.0), vec3f(0.0), vec3f(0.0));
   let instance = i / mesh.triangles;
-  let corner = (i % mesh.triangles) * 3u;
-  let ia = vertex_index(corner);
-  let ib = vertex_index(corner + 1u);
-  let ic = vertex_index(corner + 2u);
-  if ia == NO_VERTEX || ib == NO_VERTEX || ic == NO_VERTEX {
+  let corners = vertices_of(i % mesh.triangles);
+  if any(corners == vec3u(NO_VERTEX)) {
     return none;
   }
-  var t = Triangle(
-    word_position(mesh.vertex_offset + ia * mesh.vertex_stride),
-    word_position(mesh.vertex_offset + ib * mesh.vertex_stride),
-    word_position(mesh.vertex_offset + ic * mesh.vertex_stride),
-  );
+  var t = Triangle(vertex_position(corners.x), vertex_position(corners.y), vertex_position(corners.z));
   if mesh.instance_format == 0u {
     t = Triangle(relative_to_origin(t.a), relative_to_origin(t.b), relative_to_origin(t.c));
   } else {

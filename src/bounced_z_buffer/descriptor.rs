@@ -3,7 +3,14 @@
 use wgpu::Buffer;
 
 use super::settings::Sampling;
-use crate::{bvh::Primitives, light::Light};
+use crate::{
+    bvh::{Bvh, Primitives},
+    error::Error,
+    instanced_bvh::InstancedBvh,
+    light::Light,
+    recorded::Stamp,
+    surfel::SurfelCloud,
+};
 
 /// What is kept of a hit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -14,7 +21,7 @@ pub enum Payload {
     /// The radiance that the surfel which it belongs to sends towards the pixel: four bytes per direction. A
     /// [`SurfelShader`](crate::SurfelShader) or the caller lit the surfels: any radiance and any shadows, once per surfel,
     /// however many hits. As fine as surfels are: an edge of light or shadow that crosses one is lost, which shows where a
-    /// surface lies close beside it.
+    /// surface lies close beside it. Not with [`Primitives::Instances`], which have no surfels.
     Radiance,
     /// The radiance that the hit itself sends, lit by a ray to each light through the same hierarchy: exact, and no surfel is
     /// needed (a cloud with a capacity of 0 surfels does). Four bytes per direction; costs a ray per hit and light. Not with
@@ -53,6 +60,63 @@ pub enum HitRadiance<'a> {
     Lit(HitLighting<'a>),
 }
 
+/// What rays meet, as [`BouncedDescriptor::primitives`] says.
+#[derive(Clone, Copy, Debug)]
+pub enum BouncedScene<'a> {
+    /// The pieces of a cloud, or its surfels as disks.
+    Cloud {
+        /// The cloud. Recorded with [`SurfelizerSettings::density`](crate::SurfelizerSettings::density) at infinity its pieces
+        /// are the caller's triangles, and hits are exact.
+        cloud: &'a SurfelCloud,
+        /// The hierarchy over them, recorded since the cloud was.
+        bvh: &'a Bvh,
+    },
+    /// Instances of meshes, for [`Primitives::Instances`].
+    Instances(&'a InstancedBvh),
+}
+
+impl<'a> BouncedScene<'a> {
+    /// The point that rays are relative to.
+    pub(crate) fn origin(&self) -> glam::DVec3 {
+        match self {
+            Self::Cloud { cloud, .. } => cloud.origin(),
+            Self::Instances(bvh) => bvh.origin(),
+        }
+    }
+
+    /// Its last recording.
+    pub(crate) fn last(&self) -> Result<Stamp, Error> {
+        match self {
+            Self::Cloud { cloud, .. } => cloud.last(),
+            Self::Instances(bvh) => bvh.last(),
+        }
+    }
+
+    /// The cloud and its hierarchy.
+    pub(crate) fn cloud(&self) -> Result<(&'a SurfelCloud, &'a Bvh), Error> {
+        match self {
+            Self::Cloud { cloud, bvh } => Ok((cloud, bvh)),
+            Self::Instances(_) => Err(mismatch("Instances", "Cloud, for these Primitives")),
+        }
+    }
+
+    /// The hierarchy of two levels.
+    pub(crate) fn instances(&self) -> Result<&'a InstancedBvh, Error> {
+        match self {
+            Self::Cloud { .. } => Err(mismatch("Cloud", "Instances, for Primitives::Instances")),
+            Self::Instances(bvh) => Ok(bvh),
+        }
+    }
+}
+
+fn mismatch(found: &str, needed: &str) -> Error {
+    Error::Mismatch {
+        name: "BouncedInput::scene",
+        found: format!("BouncedScene::{found}"),
+        needed: format!("BouncedScene::{needed}"),
+    }
+}
+
 /// What a [`BouncedZBuffer`](crate::BouncedZBuffer) is compiled for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BouncedDescriptor {
@@ -76,6 +140,7 @@ impl BouncedDescriptor {
         let mut flags = Vec::new();
         flags.extend(self.payload.is_radiance().then_some("RADIANCE"));
         flags.extend(matches!(self.primitives, Primitives::Disks { .. }).then_some("DISKS"));
+        flags.extend((self.primitives == Primitives::Instances).then_some("TWO_LEVELS"));
         if self.lit() {
             flags.extend(["LIT", "SHADOW_RAYS"]);
         }

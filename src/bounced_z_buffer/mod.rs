@@ -11,7 +11,7 @@ use wgpu::{
 };
 
 use self::{
-    descriptor::{BouncedDescriptor, HitLighting, HitRadiance, Payload},
+    descriptor::{BouncedDescriptor, BouncedScene, HitLighting, HitRadiance, Payload},
     params::{BouncedParams, DiskParams, LightsParams, MAX_LIGHTS},
     settings::{BouncedSettings, MAX_RAYS_PER_PIXEL, Sampling},
     view::{BouncedView, Hits, Traced},
@@ -25,7 +25,7 @@ use crate::{
     gpu::listing::name_of,
     gpu::{
         Kernel, Timestamps,
-        binding::{self, Kept, Layout, whole},
+        binding::{self, Kept, Layout, Resource, whole},
         check_timestamps, compute_pass, shader, storage,
         uniforms::{Parameters, Uniforms},
     },
@@ -56,15 +56,11 @@ pub struct BouncedZBuffer {
 /// What one recording of the [`BouncedZBuffer`] works on.
 #[derive(Clone, Copy, Debug)]
 pub struct BouncedInput<'a> {
-    /// The pixels that rays start from, relative to the cloud's origin; its camera may be another than the cloud's (stereo,
+    /// The pixels that rays start from, relative to the scene's origin; its camera may be another than the scene's (stereo,
     /// split screen). With [`Sampling::Glossy`] its G-buffer has roughness.
     pub frame: &'a Frame<'a>,
-    /// The cloud whose pieces or surfels rays meet. Recorded with
-    /// [`SurfelizerSettings::density`](crate::SurfelizerSettings::density) at infinity its pieces are the caller's triangles, and
-    /// hits are exact.
-    pub cloud: &'a SurfelCloud,
-    /// The hierarchy over the cloud's pieces or surfels, recorded since the cloud was.
-    pub bvh: &'a Bvh,
+    /// What rays meet.
+    pub scene: BouncedScene<'a>,
     /// Where the radiance of hits comes from, as the [`Payload`] asks.
     pub radiance: HitRadiance<'a>,
     /// Where to write begin and end times, if anywhere.
@@ -72,12 +68,16 @@ pub struct BouncedInput<'a> {
 }
 
 impl<'a> BouncedInput<'a> {
-    /// For [`Payload::Occlusion`], without timestamps.
+    /// Among a cloud's pieces or surfels, for [`Payload::Occlusion`], without timestamps.
     pub fn new(frame: &'a Frame<'a>, cloud: &'a SurfelCloud, bvh: &'a Bvh) -> Self {
+        Self::of(frame, BouncedScene::Cloud { cloud, bvh })
+    }
+
+    /// Among whatever is given, for [`Payload::Occlusion`], without timestamps.
+    pub fn of(frame: &'a Frame<'a>, scene: BouncedScene<'a>) -> Self {
         Self {
             frame,
-            cloud,
-            bvh,
+            scene,
             radiance: HitRadiance::None,
             timestamps: None,
         }
@@ -101,10 +101,10 @@ impl BouncedZBuffer {
         let Compiler { device, cache } = compiler.into();
         descriptor.primitives.validate()?;
         check_setting(
-            !descriptor.lit() || descriptor.primitives == Primitives::Triangles,
+            is_possible(descriptor),
             "BouncedDescriptor::primitives",
             f64::from(u8::from(descriptor.primitives != Primitives::Triangles)),
-            "Primitives::Triangles, with Payload::LitRadiance",
+            "Primitives::Triangles, or Instances without Payload::Radiance, or Disks without Payload::LitRadiance",
         )?;
         let module = shader::create(device, LABEL, source(descriptor)?);
         let layout = module.layout(device, &["trace"]);
@@ -193,7 +193,7 @@ impl BouncedZBuffer {
     ///
     /// # Errors
     /// What [`BouncedSettings::validate`] and, for lights, [`Light::validate`](crate::Light::validate) find; [`Error::Mismatch`]
-    /// where the frame has another origin than the cloud, the view was made for another descriptor or size or for fewer rays, the
+    /// where the frame has another origin than the scene, the scene is none of these primitives, the view was made for another descriptor or size or for fewer rays, the
     /// hierarchy for another cloud's capacity, the radiance is none that the payload takes, or the G-buffer lacks the roughness
     /// that glossy rays need; [`Error::Recording`] where the hierarchy was not recorded from this cloud, since that was;
     /// [`Error::Buffer`] for radiance that is too small, or for materials; [`Error::Setting`] for too many lights, and where
@@ -208,7 +208,7 @@ impl BouncedZBuffer {
     ) -> Result<(), Error> {
         settings.validate()?;
         check_timestamps(input.timestamps)?;
-        let (frame, cloud) = (input.frame, input.cloud);
+        let frame = input.frame;
         let viewport = frame.viewport();
         self.check_view([viewport.width, viewport.height], settings, view)?;
         let (radiance, lighting) = self.check_radiance(device, input, view)?;
@@ -220,8 +220,9 @@ impl BouncedZBuffer {
         let mut disks = None;
         let (nodes, primitives) = match self.descriptor.primitives {
             Primitives::Triangles => {
-                let bounds = input.bvh.triangles(cloud)?;
-                let mut primitives = vec![("triangles", binding::view(&bounds.triangles))];
+                let (cloud, bvh) = input.scene.cloud()?;
+                let bounds = bvh.triangles(cloud)?;
+                let mut primitives = vec![("triangles", binding::view(bounds.triangles()))];
                 if self.descriptor.payload.is_radiance() {
                     primitives.push(("pieces", whole(&cloud.pieces)));
                 }
@@ -231,10 +232,16 @@ impl BouncedZBuffer {
                         ("surfel_offsets", whole(&cloud.piece_offsets.values)),
                     ]);
                 }
-                (&bounds.nodes, primitives)
+                (bounds.nodes(), primitives)
+            }
+            Primitives::Instances => {
+                let pool = input.scene.instances()?.pool();
+                let primitives = vec![("triangles", binding::view(&pool.triangles))];
+                (&pool.nodes, primitives)
             }
             Primitives::Disks { levels } => {
-                let bounds = input.bvh.disks(cloud, levels)?;
+                let (cloud, bvh) = input.scene.cloud()?;
+                let bounds = bvh.disks(cloud, levels)?;
                 disks = Some(parameters.add(&DiskParams::new(&settings.disks, bounds)));
                 let primitives = vec![
                     ("counters", whole(&cloud.counters)),
@@ -245,11 +252,17 @@ impl BouncedZBuffer {
             }
         };
 
-        frame.check_origin(cloud.origin())?;
+        let origin = input.scene.origin();
+        frame.check_origin(origin)?;
+        let of = input.scene.last()?;
+        let surfels = input
+            .scene
+            .cloud()
+            .map_or(0, |(cloud, _)| cloud.capacity.surfels);
         view.recorded.set(Traced {
             settings: *settings,
             place: frame.place(),
-            of: cloud.last()?,
+            of,
         });
         if let Some(statistics) = &view.statistics {
             encoder.clear_buffer(statistics, 0, None);
@@ -258,10 +271,10 @@ impl BouncedZBuffer {
             encoder.clear_buffer(buffer, 0, None);
         }
         encoder.clear_buffer(&view.nearness, 0, None);
-        let params = parameters.add(&BouncedParams::new(settings, view.size(), cloud.capacity));
+        let params = parameters.add(&BouncedParams::new(settings, view.size(), surfels));
         let camera = parameters.add(&frame.camera.params(frame.origin));
-        let lights = lighting
-            .map(|lighting| parameters.add(&LightsParams::new(lighting.lights, cloud.origin)));
+        let lights =
+            lighting.map(|lighting| parameters.add(&LightsParams::new(lighting.lights, origin)));
         let parameters = self.uniforms.upload(device, encoder, &parameters);
         let mut resources = vec![
             ("params", parameters.at(params)),
@@ -279,7 +292,6 @@ impl BouncedZBuffer {
                 Hits::Colors(colors) => binding::view(colors),
             },
         ));
-        let radiance = radiance.map(|radiance| binding::first(radiance, radiance_bytes(cloud)));
         resources.extend(radiance.map(|radiance| ("radiance", radiance)));
         if let (Some(lighting), Some(lights)) = (&lighting, lights) {
             resources.extend([
@@ -344,12 +356,14 @@ impl BouncedZBuffer {
         device: &Device,
         input: &BouncedInput<'r>,
         view: &BouncedView,
-    ) -> Result<(Option<&'r Buffer>, Option<HitLighting<'r>>), Error> {
+    ) -> Result<(Option<Resource<'r>>, Option<HitLighting<'r>>), Error> {
         match (self.descriptor.payload, input.radiance) {
             (Payload::Occlusion, _) => Ok((None, None)),
             (Payload::Radiance, HitRadiance::Surfels(radiance)) => {
-                self.check_surfels(device, input.cloud, radiance, view)?;
-                Ok((Some(radiance), None))
+                let (cloud, _) = input.scene.cloud()?;
+                self.check_surfels(device, cloud, radiance, view)?;
+                let bound = binding::first(radiance, radiance_bytes(cloud));
+                Ok((Some(bound), None))
             }
             (Payload::LitRadiance, HitRadiance::Lit(lighting)) => {
                 check_lighting(device, &lighting, view)?;
@@ -412,6 +426,15 @@ fn check_lighting(
     )
 }
 
+/// Surfels have radiance, and triangles can be lit.
+fn is_possible(descriptor: &BouncedDescriptor) -> bool {
+    match descriptor.primitives {
+        Primitives::Triangles => true,
+        Primitives::Disks { .. } => descriptor.payload != Payload::LitRadiance,
+        Primitives::Instances => descriptor.payload != Payload::Radiance,
+    }
+}
+
 /// Words of bits per pixel.
 pub(crate) fn words(rays_per_pixel: u32) -> u32 {
     rays_per_pixel.div_ceil(32)
@@ -425,7 +448,8 @@ fn source(descriptor: &BouncedDescriptor) -> Result<String, Error> {
 /// Every module of the pass.
 pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
     for payload in [Payload::Occlusion, Payload::Radiance, Payload::LitRadiance] {
-        for primitives in [Primitives::Triangles, Primitives::Disks { levels: 1 }] {
+        let disks = Primitives::Disks { levels: 1 };
+        for primitives in [Primitives::Triangles, disks, Primitives::Instances] {
             for sampling in [Sampling::Cosine, Sampling::Glossy] {
                 for statistics in [false, true] {
                     let descriptor = BouncedDescriptor {
@@ -434,8 +458,7 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
                         sampling,
                         statistics,
                     };
-                    let disks = primitives != Primitives::Triangles;
-                    if descriptor.lit() && disks {
+                    if !is_possible(&descriptor) {
                         continue;
                     }
                     let name = name_of(
@@ -445,7 +468,8 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
                         },
                         &[
                             (descriptor.lit(), "lit"),
-                            (disks, "disks"),
+                            (primitives == disks, "disks"),
+                            (primitives == Primitives::Instances, "instances"),
                             (sampling == Sampling::Glossy, "glossy"),
                             (statistics, "statistics"),
                         ],

@@ -11,7 +11,6 @@ use crate::{
     bvh::disks::DiskBounds,
     bvh::disks::MAX_LEVELS,
     light::{Light, LightParams},
-    surfel::CloudCapacity,
 };
 
 /// Stands for infinity; its square is finite in f32.
@@ -40,7 +39,7 @@ crate::reflection::same_as_wgsl!(
 );
 
 impl BouncedParams {
-    pub fn new(settings: &BouncedSettings, size: [u32; 2], capacity: CloudCapacity) -> Self {
+    pub fn new(settings: &BouncedSettings, size: [u32; 2], surfel_capacity: u32) -> Self {
         let [columns, rows] = grid(settings.rays_per_pixel);
         // Without directions nothing is met and nothing arrives.
         let (sky_radiance, radius) = if settings.rays_per_pixel == 0 {
@@ -54,7 +53,7 @@ impl BouncedParams {
             rows,
             frame: settings.frame,
             words: words(settings.rays_per_pixel),
-            surfel_capacity: capacity.surfels,
+            surfel_capacity,
             padding: 0,
             sky_radiance,
             world_radius: radius.min(UNBOUNDED),

@@ -37,7 +37,7 @@ pub(crate) struct Traced {
     pub settings: BouncedSettings,
     /// The frame's.
     pub place: Place,
-    /// The cloud's recording.
+    /// The recording of the cloud, or of the hierarchy of two levels.
     pub of: Stamp,
 }
 

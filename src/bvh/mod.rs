@@ -10,7 +10,7 @@ use wgpu::{CommandEncoder, Device};
 
 use self::{
     disks::{DiskBounds, DiskBoundsPass, MAX_LEVELS},
-    triangles::{TriangleBvh, TriangleBvhPass},
+    triangles::{BvhPass, Over, TriangleBvh},
 };
 use crate::{
     effect::Listing,
@@ -39,12 +39,15 @@ pub enum Primitives {
         /// Number of levels, 1…8; 1 for plain disks without levels.
         levels: u32,
     },
+    /// The triangles of instances of meshes, in a hierarchy of two levels ([`InstancedBvh`](crate::InstancedBvh)), which its own
+    /// builder makes: exact.
+    Instances,
 }
 
 impl Primitives {
     pub(crate) fn validate(self) -> Result<(), Error> {
         match self {
-            Self::Triangles => Ok(()),
+            Self::Triangles | Self::Instances => Ok(()),
             Self::Disks { levels } => check_setting(
                 (1..=MAX_LEVELS).contains(&levels),
                 "Primitives::Disks::levels",
@@ -150,7 +153,7 @@ pub struct BvhBuilder(Builder);
 
 #[derive(Debug)]
 enum Builder {
-    Triangles(Box<TriangleBvhPass>),
+    Triangles(Box<BvhPass>),
     Disks(DiskBoundsPass, u32),
 }
 
@@ -158,7 +161,8 @@ impl BvhBuilder {
     /// Compiles the pipelines for one kind of primitives. Needs no features and nothing beyond `Limits::default()`.
     ///
     /// # Errors
-    /// [`Error::Limit`] where the device was made with less than that; [`Error::Setting`] for levels out of range.
+    /// [`Error::Limit`] where the device was made with less than that; [`Error::Setting`] for levels out of range,
+    /// [`Error::Mismatch`] for [`Primitives::Instances`], which an [`InstancedBvhBuilder`](crate::InstancedBvhBuilder) builds.
     pub fn new<'a>(
         compiler: impl Into<Compiler<'a>>,
         primitives: Primitives,
@@ -167,10 +171,17 @@ impl BvhBuilder {
         primitives.validate()?;
         Ok(Self(match primitives {
             Primitives::Triangles => {
-                Builder::Triangles(Box::new(TriangleBvhPass::new(device, cache)?))
+                Builder::Triangles(Box::new(BvhPass::new(device, cache, Over::Triangles)?))
             }
             Primitives::Disks { levels } => {
                 Builder::Disks(DiskBoundsPass::new(device, cache)?, levels)
+            }
+            Primitives::Instances => {
+                return Err(Error::Mismatch {
+                    name: "BvhBuilder",
+                    found: "the primitives of a cloud".into(),
+                    needed: "an InstancedBvhBuilder, for Primitives::Instances".into(),
+                });
             }
         }))
     }

@@ -3,7 +3,7 @@
 use wgpu::util::DeviceExt;
 
 use super::triangles::{
-    NODE_TEXELS, ROW_TEXELS, TRIANGLE_TEXELS, TriangleBvh, TriangleBvhPass, cluster_levels,
+    BvhPass, NODE_TEXELS, Over, ROW_TEXELS, TRIANGLE_TEXELS, TriangleBvh, cluster_levels,
     most_nodes,
 };
 use crate::{
@@ -17,7 +17,7 @@ const MAX_DEPTH: u32 = 52;
 struct Lab {
     device: wgpu::Device,
     queue: wgpu::Queue,
-    pass: TriangleBvhPass,
+    pass: BvhPass,
 }
 
 fn lab() -> Lab {
@@ -33,7 +33,7 @@ fn lab() -> Lab {
             .await
             .expect("a device");
         Lab {
-            pass: TriangleBvhPass::new(&device, None).expect("pipelines"),
+            pass: BvhPass::new(&device, None, Over::Triangles).expect("pipelines"),
             device,
             queue,
         }

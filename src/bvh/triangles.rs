@@ -1,10 +1,10 @@
-//! The hierarchy over triangles: a binary tree by clustering, collapsed to nodes of eight children (`wgsl/bvh_order.wgsl`,
+//! The hierarchy over triangles, or over instances of meshes: a binary tree by clustering, collapsed to nodes of eight children (`wgsl/bvh_order.wgsl`,
 //! `bvh_cluster.wgsl`, `bvh_collapse.wgsl`; `wgsl/common/bvh_layout.wgsl` says what a node is).
 
 use bytemuck::{Pod, Zeroable};
 use wgpu::{
-    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache, Texture,
-    TextureFormat, TextureUsages, TextureView,
+    Buffer, BufferUsages, CommandEncoder, ComputePass, ComputePipeline, Device, PipelineCache,
+    Texture, TextureFormat, TextureUsages, TextureView,
 };
 
 use crate::{
@@ -12,8 +12,10 @@ use crate::{
     error::{Error, check_limit},
     gpu::{
         Kernel, Timestamps, WORKGROUP,
-        binding::{self, Kept, Layout, whole},
-        compute_pass, dispatch, shader,
+        binding::{self, Group, Groups, Kept, Layout, whole},
+        compute_pass, dispatch,
+        listing::name_of,
+        shader,
         sort::{Sort, SortBuffer},
         storage,
         uniforms::{Parameters, Place, Uploaded},
@@ -57,14 +59,26 @@ const LEVELS: u32 = 16;
 /// A hierarchy over up to so many triangles.
 #[derive(Debug)]
 pub(crate) struct TriangleBvh {
-    capacity: u32,
+    pool: NodePool,
+    workspace: Workspace,
+    kept: Kept,
+}
+
+/// What rays read: textures of nodes and of triangles, of one hierarchy or of several.
+#[derive(Debug)]
+pub(crate) struct NodePool {
     node_texture: Texture,
     triangle_texture: Texture,
-    /// What rays read.
     pub nodes: TextureView,
     pub triangles: TextureView,
-    // What it is made by.
-    state: Buffer,
+}
+
+/// What a hierarchy over up to so many primitives is made by. One serves any number of them, one after the other.
+#[derive(Debug)]
+pub(crate) struct Workspace {
+    capacity: u32,
+    /// Of what is made: first of all the number of primitives, then where it goes.
+    pub state: Buffer,
     dispatches: Buffer,
     order: SortBuffer,
     clusters: [Buffer; 2],
@@ -73,7 +87,34 @@ pub(crate) struct TriangleBvh {
     /// For each level of clusters, and of nodes.
     parameters: Uploaded,
     levels: Vec<Place>,
-    kept: Kept,
+}
+
+/// What a hierarchy is built over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Over {
+    /// A cloud's pieces, or a mesh's triangles.
+    Triangles,
+    /// Instances of meshes.
+    Instances,
+}
+
+impl Over {
+    fn flags(self) -> &'static [&'static str] {
+        match self {
+            Self::Triangles => &[],
+            Self::Instances => &["INSTANCES"],
+        }
+    }
+
+    /// The most nodes over `count`: see `wgsl/bvh_collapse.wgsl`.
+    pub fn most_nodes(self, count: u32) -> u32 {
+        match self {
+            Self::Triangles => most_nodes(count),
+            Self::Instances => {
+                1 + (4 * count).saturating_sub(8) / 7 + if count > 1 { count } else { 0 }
+            }
+        }
+    }
 }
 
 #[repr(C)]
@@ -119,11 +160,119 @@ fn collapse_groups(capacity: u32, level: u32) -> u32 {
 
 impl TriangleBvh {
     pub fn capacity(&self) -> u32 {
-        self.capacity
+        self.workspace.capacity
+    }
+
+    pub fn nodes(&self) -> &TextureView {
+        &self.pool.nodes
+    }
+
+    pub fn triangles(&self) -> &TextureView {
+        &self.pool.triangles
     }
 
     /// GPU memory that it owns, bytes.
     pub fn memory_bytes(&self) -> u64 {
+        self.pool.bytes() + self.workspace.bytes()
+    }
+
+    #[cfg(test)]
+    pub(super) fn textures(&self) -> [&Texture; 2] {
+        [&self.pool.node_texture, &self.pool.triangle_texture]
+    }
+}
+
+impl NodePool {
+    /// Room for so many nodes and triangles.
+    pub fn new(device: &Device, nodes: u32, triangles: u32) -> Result<Self, Error> {
+        let node_texture = texels(device, "deep-screen-space bvh nodes", nodes, NODE_TEXELS)?;
+        let triangle_texture = texels(
+            device,
+            "deep-screen-space bvh triangles",
+            triangles,
+            TRIANGLE_TEXELS,
+        )?;
+        let view = |texture: &Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
+        Ok(Self {
+            nodes: view(&node_texture),
+            triangles: view(&triangle_texture),
+            node_texture,
+            triangle_texture,
+        })
+    }
+
+    /// GPU memory that it owns, bytes.
+    pub fn bytes(&self) -> u64 {
+        [&self.node_texture, &self.triangle_texture]
+            .iter()
+            .map(|t| 16 * u64::from(t.width()) * u64::from(t.height()))
+            .sum()
+    }
+}
+
+impl Workspace {
+    /// Room for building over `capacity` primitives.
+    pub fn new(device: &Device, sort: &Sort, over: Over, capacity: u32) -> Result<Self, Error> {
+        let none = BufferUsages::empty();
+        // First: of all that is needed it is what a device's limits refuse before anything else.
+        let binary = storage(
+            device,
+            "deep-screen-space bvh binary nodes",
+            BINARY_NODE_BYTES * u64::from(capacity),
+            none,
+        )?;
+        let state = storage(device, "deep-screen-space bvh state", STATE_BYTES, none)?;
+        let blocks = u64::from(capacity.div_ceil(BLOCK));
+        let clusters = |blocks: u64| {
+            storage(
+                device,
+                "deep-screen-space bvh clusters",
+                8 * u64::from(BLOCK_LEFT) * blocks,
+                none,
+            )
+        };
+        let mut parameters = Parameters::new(device);
+        let levels = 0..=LEVELS.max(cluster_levels(capacity));
+        let levels = levels
+            .map(|level| {
+                parameters.add(&BvhParams {
+                    capacity,
+                    level,
+                    threads: collapse_groups(capacity, level) * WORKGROUP,
+                    padding: 0,
+                })
+            })
+            .collect();
+        Ok(Self {
+            parameters: parameters.fixed(device, LABEL),
+            levels,
+            capacity,
+            dispatches: storage(
+                device,
+                "deep-screen-space bvh dispatches",
+                DISPATCH_BYTES * u64::from(1 + cluster_levels(capacity)),
+                BufferUsages::INDIRECT,
+            )?,
+            order: sort.buffer(
+                device,
+                "deep-screen-space order of primitives",
+                capacity,
+                &state,
+            )?,
+            clusters: [clusters(blocks)?, clusters(blocks.div_ceil(4))?],
+            binary,
+            tasks: storage(
+                device,
+                "deep-screen-space bvh tasks",
+                TASK_BYTES * u64::from(over.most_nodes(capacity)),
+                none,
+            )?,
+            state,
+        })
+    }
+
+    /// GPU memory that it owns, bytes.
+    pub fn bytes(&self) -> u64 {
         let buffers = [
             &self.state,
             &self.dispatches,
@@ -132,18 +281,7 @@ impl TriangleBvh {
             &self.binary,
             &self.tasks,
         ];
-        let textures = [&self.node_texture, &self.triangle_texture];
-        buffers.iter().map(|b| b.size()).sum::<u64>()
-            + textures
-                .iter()
-                .map(|t| 16 * u64::from(t.width()) * u64::from(t.height()))
-                .sum::<u64>()
-            + self.order.bytes()
-    }
-
-    #[cfg(test)]
-    pub(super) fn textures(&self) -> [&Texture; 2] {
-        [&self.node_texture, &self.triangle_texture]
+        buffers.iter().map(|b| b.size()).sum::<u64>() + self.order.bytes()
     }
 }
 
@@ -181,7 +319,8 @@ fn texels(
 
 /// The pipelines.
 #[derive(Debug)]
-pub(crate) struct TriangleBvhPass {
+pub(crate) struct BvhPass {
+    over: Over,
     plan_layout: Layout,
     order_layout: Layout,
     cluster_layout: Layout,
@@ -195,18 +334,27 @@ pub(crate) struct TriangleBvhPass {
     collapse_rest: ComputePipeline,
 }
 
+/// The bind groups of a building.
+#[derive(Debug)]
+pub(crate) struct Stages {
+    plan: Group,
+    keys: Group,
+    clusters: Vec<Group>,
+    nodes: Vec<Group>,
+}
+
 /// The module of a stage.
-fn source(stage: &str) -> Result<String, Error> {
+fn source(stage: &str, over: Over) -> Result<String, Error> {
     let text = match stage {
         "bvh_order" => include_str!("../../wgsl/bvh_order.wgsl"),
         "bvh_cluster" => include_str!("../../wgsl/bvh_cluster.wgsl"),
         _ => include_str!("../../wgsl/bvh_collapse.wgsl"),
     };
-    shader::assemble(stage, text, &[], &[])
+    shader::assemble(stage, text, over.flags(), &[])
 }
 
-impl TriangleBvhPass {
-    pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
+impl BvhPass {
+    pub fn new(device: &Device, cache: Option<&PipelineCache>, over: Over) -> Result<Self, Error> {
         let kernel = |module, entry, layout: &Layout| {
             Kernel {
                 label: &format!("{LABEL}: {entry}"),
@@ -218,7 +366,7 @@ impl TriangleBvhPass {
             }
             .create(device)
         };
-        let module = |stage| Ok::<_, Error>(shader::create(device, LABEL, source(stage)?));
+        let module = |stage| Ok::<_, Error>(shader::create(device, LABEL, source(stage, over)?));
         let order = module("bvh_order")?;
         let cluster = module("bvh_cluster")?;
         let collapse = module("bvh_collapse")?;
@@ -228,6 +376,7 @@ impl TriangleBvhPass {
         let cluster_layout = cluster.layout(device, &["cluster"]);
         let collapse_layout = collapse.layout(device, &["collapse", "collapse_rest"]);
         Ok(Self {
+            over,
             plan: kernel(&order, "plan", &plan_layout),
             measure: kernel(&order, "measure", &order_layout),
             make_keys: kernel(&order, "make_keys", &order_layout),
@@ -242,77 +391,18 @@ impl TriangleBvhPass {
         })
     }
 
+    /// What building over `capacity` primitives takes.
+    pub fn workspace(&self, device: &Device, capacity: u32) -> Result<Workspace, Error> {
+        Workspace::new(device, &self.sort, self.over, capacity)
+    }
+
     /// Room for `capacity` triangles.
     pub fn create(&self, device: &Device, capacity: u32) -> Result<TriangleBvh, Error> {
-        let none = BufferUsages::empty();
-        // First: of all that is needed it is what a device's limits refuse before anything else.
-        let binary = storage(
-            device,
-            "deep-screen-space bvh binary nodes",
-            BINARY_NODE_BYTES * u64::from(capacity),
-            none,
-        )?;
-        let state = storage(device, "deep-screen-space bvh state", STATE_BYTES, none)?;
-        let blocks = u64::from(capacity.div_ceil(BLOCK));
-        let clusters = |blocks: u64| {
-            storage(
-                device,
-                "deep-screen-space bvh clusters",
-                8 * u64::from(BLOCK_LEFT) * blocks,
-                none,
-            )
-        };
-        let nodes = most_nodes(capacity);
-        let node_texture = texels(device, "deep-screen-space bvh nodes", nodes, NODE_TEXELS)?;
-        let triangle_texture = texels(
-            device,
-            "deep-screen-space bvh triangles",
-            capacity,
-            TRIANGLE_TEXELS,
-        )?;
-        let view = |texture: &Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
-        let mut parameters = Parameters::new(device);
-        let levels = 0..=LEVELS.max(cluster_levels(capacity));
-        let levels = levels
-            .map(|level| {
-                parameters.add(&BvhParams {
-                    capacity,
-                    level,
-                    threads: collapse_groups(capacity, level) * WORKGROUP,
-                    padding: 0,
-                })
-            })
-            .collect();
+        let workspace = self.workspace(device, capacity)?;
         Ok(TriangleBvh {
-            parameters: parameters.fixed(device, LABEL),
-            levels,
+            pool: NodePool::new(device, self.over.most_nodes(capacity), capacity)?,
+            workspace,
             kept: Kept::default(),
-            capacity,
-            nodes: view(&node_texture),
-            triangles: view(&triangle_texture),
-            node_texture,
-            triangle_texture,
-            dispatches: storage(
-                device,
-                "deep-screen-space bvh dispatches",
-                DISPATCH_BYTES * u64::from(1 + cluster_levels(capacity)),
-                BufferUsages::INDIRECT,
-            )?,
-            order: self.sort.buffer(
-                device,
-                "deep-screen-space order of primitives",
-                capacity,
-                &state,
-            )?,
-            clusters: [clusters(blocks)?, clusters(blocks.div_ceil(4))?],
-            binary,
-            tasks: storage(
-                device,
-                "deep-screen-space bvh tasks",
-                TASK_BYTES * u64::from(nodes),
-                none,
-            )?,
-            state,
         })
     }
 
@@ -321,71 +411,106 @@ impl TriangleBvhPass {
         &self,
         device: &Device,
         encoder: &mut CommandEncoder,
-        (pieces, counters): (&Buffer, &Buffer),
+        primitives: (&Buffer, &Buffer),
         bvh: &TriangleBvh,
         timestamps: Option<Timestamps<'_>>,
     ) {
-        let params = |level: u32| ("params", bvh.parameters.at(bvh.levels[level as usize]));
         let mut groups = bvh.kept.groups(device);
+        let stages = self.bind(&mut groups, &bvh.workspace, primitives, &bvh.pool);
+        let mut pass = compute_pass(encoder, LABEL, timestamps);
+        self.dispatch(&mut pass, &bvh.workspace, &stages);
+    }
+
+    /// Binds what a building reads and writes. `counters` tell how many `primitives` there are.
+    pub fn bind(
+        &self,
+        groups: &mut Groups<'_>,
+        workspace: &Workspace,
+        (primitives, counters): (&Buffer, &Buffer),
+        pool: &NodePool,
+    ) -> Stages {
+        let Workspace { state, order, .. } = workspace;
+        let params = |level: u32| {
+            let place = workspace.levels[level as usize];
+            ("params", workspace.parameters.at(place))
+        };
         let resources = [
             params(0),
             ("counters", whole(counters)),
-            ("state", whole(&bvh.state)),
-            ("dispatches", whole(&bvh.dispatches)),
+            ("state", whole(state)),
+            ("dispatches", whole(&workspace.dispatches)),
         ];
         let plan = groups.next(&self.plan_layout, &resources);
         let resources = [
-            ("pieces", whole(pieces)),
-            ("state", whole(&bvh.state)),
-            ("items", whole(&bvh.order.items)),
+            ("primitives", whole(primitives)),
+            ("state", whole(state)),
+            ("items", whole(&order.items)),
         ];
         let keys = groups.next(&self.order_layout, &resources);
-        let mut pass = compute_pass(encoder, LABEL, timestamps);
-        dispatch(&mut pass, &self.plan, &plan, 1);
-        pass.set_bind_group(0, &keys.raw, &keys.offsets);
+        let clusters = (0..cluster_levels(workspace.capacity))
+            .map(|level| {
+                let [even, odd] = &workspace.clusters;
+                let (left, below) = if level % 2 == 0 {
+                    (even, odd)
+                } else {
+                    (odd, even)
+                };
+                let resources = [
+                    params(level),
+                    ("state", whole(state)),
+                    ("primitives", whole(primitives)),
+                    ("items", whole(&order.items)),
+                    ("clusters_below", whole(below)),
+                    ("clusters_left", whole(left)),
+                    ("binary", whole(&workspace.binary)),
+                ];
+                groups.next(&self.cluster_layout, &resources)
+            })
+            .collect();
+        let nodes = (0..=LEVELS)
+            .map(|level| {
+                let mut resources = vec![
+                    params(level),
+                    ("state", whole(state)),
+                    ("primitives", whole(primitives)),
+                    ("binary", whole(&workspace.binary)),
+                    ("tasks", whole(&workspace.tasks)),
+                    ("nodes", binding::view(&pool.nodes)),
+                ];
+                if self.over == Over::Triangles {
+                    resources.push(("triangles", binding::view(&pool.triangles)));
+                }
+                groups.next(&self.collapse_layout, &resources)
+            })
+            .collect();
+        Stages {
+            plan,
+            keys,
+            clusters,
+            nodes,
+        }
+    }
+
+    /// Records the building.
+    pub fn dispatch(&self, pass: &mut ComputePass<'_>, workspace: &Workspace, stages: &Stages) {
+        dispatch(pass, &self.plan, &stages.plan, 1);
+        pass.set_bind_group(0, &stages.keys.raw, &stages.keys.offsets);
         for pipeline in [&self.measure, &self.make_keys] {
             pass.set_pipeline(pipeline);
-            pass.dispatch_workgroups_indirect(&bvh.dispatches, 0);
+            pass.dispatch_workgroups_indirect(&workspace.dispatches, 0);
         }
-        self.sort.record(&mut pass, &bvh.order);
+        self.sort.record(pass, &workspace.order);
         pass.set_pipeline(&self.cluster);
-        for level in 0..cluster_levels(bvh.capacity) {
-            let [even, odd] = &bvh.clusters;
-            let (left, below) = if level % 2 == 0 {
-                (even, odd)
-            } else {
-                (odd, even)
-            };
-            let resources = [
-                params(level),
-                ("state", whole(&bvh.state)),
-                ("pieces", whole(pieces)),
-                ("items", whole(&bvh.order.items)),
-                ("clusters_below", whole(below)),
-                ("clusters_left", whole(left)),
-                ("binary", whole(&bvh.binary)),
-            ];
-            let group = groups.next(&self.cluster_layout, &resources);
+        for (level, group) in (1..).zip(&stages.clusters) {
             pass.set_bind_group(0, &group.raw, &group.offsets);
-            let at = DISPATCH_BYTES * u64::from(1 + level);
-            pass.dispatch_workgroups_indirect(&bvh.dispatches, at);
+            pass.dispatch_workgroups_indirect(&workspace.dispatches, DISPATCH_BYTES * level);
         }
-        for level in 0..=LEVELS {
-            let resources = [
-                params(level),
-                ("state", whole(&bvh.state)),
-                ("pieces", whole(pieces)),
-                ("binary", whole(&bvh.binary)),
-                ("tasks", whole(&bvh.tasks)),
-                ("nodes", binding::view(&bvh.nodes)),
-                ("triangles", binding::view(&bvh.triangles)),
-            ];
-            let group = groups.next(&self.collapse_layout, &resources);
+        for (level, group) in (0..).zip(&stages.nodes) {
             if level < LEVELS {
-                let groups = collapse_groups(bvh.capacity, level);
-                dispatch(&mut pass, &self.collapse, &group, groups);
+                let groups = collapse_groups(workspace.capacity, level);
+                dispatch(pass, &self.collapse, group, groups);
             } else {
-                dispatch(&mut pass, &self.collapse_rest, &group, 1);
+                dispatch(pass, &self.collapse_rest, group, 1);
             }
         }
     }
@@ -394,7 +519,9 @@ impl TriangleBvhPass {
 /// Every module of the pass.
 pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
     for stage in ["bvh_order", "bvh_cluster", "bvh_collapse"] {
-        all.add(stage, source(stage)?);
+        all.add(stage, source(stage, Over::Triangles)?);
+        let instances = name_of(stage, &[(true, "instances")]);
+        all.add(&instances, source(stage, Over::Instances)?);
     }
     Ok(())
 }

@@ -34,6 +34,7 @@ pub(crate) const FLAGS: &[&str] = &[
     "GIVEN",
     "GLOSSY",
     "HITS",
+    "INSTANCES",
     "LIST",
     "LIT",
     "MATERIAL",
@@ -54,6 +55,7 @@ pub(crate) const FLAGS: &[&str] = &[
     "SMOOTHED",
     "STATISTICS",
     "SUBGROUP",
+    "TWO_LEVELS",
     "WIDEN",
 ];
 

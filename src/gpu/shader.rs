@@ -45,6 +45,8 @@ const COMMON: &[Module<'static>] = common![
     block,
     slots,
     ray,
+    mesh,
+    instance,
     bvh_layout,
     bvh_build,
     bvh_traverse,

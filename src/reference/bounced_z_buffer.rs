@@ -22,8 +22,8 @@ use crate::{
 };
 
 /// Stands for infinity.
-const FAR: f64 = 1e18;
-const POSITION_TOLERANCE: f64 = 1e-6;
+pub(super) const FAR: f64 = 1e18;
+pub(super) const POSITION_TOLERANCE: f64 = 1e-6;
 const GRID: f64 = 1.0 / 32.0;
 const MOST_OFFSET: f64 = 1e-3;
 const SHAPE_ORDER: u32 = 0xfff;
@@ -112,13 +112,44 @@ pub fn unshadowed(point: DVec3, light: &Light, pieces: &[Piece]) -> bool {
         origin: point,
         direction: way.to_light,
     };
-    let end_size = match light {
+    traverse(&ray, end_size_of(light), pieces, way.distance.min(FAR)).is_none()
+}
+
+/// The size of the coordinates of a light that rays end at.
+pub(super) fn end_size_of(light: &Light) -> Option<f64> {
+    match light {
         Light::Directional { .. } => None,
         Light::Point { position, .. } | Light::Spot { position, .. } => {
             Some(position.abs().max_element())
         }
-    };
-    traverse(&ray, end_size, pieces, way.distance.min(FAR)).is_none()
+    }
+}
+
+/// What a surface that a ray meets at a distance sends back along it. `normal` is along its normal, and `reaches` tells whether
+/// a light reaches a point off it.
+pub(super) fn lit_surface(
+    (ray, t): (&Ray, f64),
+    normal: DVec3,
+    material: &Material,
+    lights: &[Light],
+    reaches: impl Fn(DVec3, &Light) -> bool,
+) -> DVec3 {
+    let normal = normal.normalize_or(-ray.direction);
+    let facing = normal.dot(ray.direction) < 0.0;
+    let side = if facing { normal } else { -normal };
+    let place = ray.origin + ray.direction * t;
+    let offset = ray_epsilon(place).max(ray_epsilon(ray.origin));
+    let point = place + (side - ray.direction) * offset;
+    let mut irradiance = DVec3::ZERO;
+    for light in lights {
+        let arrival = arrival(light, place);
+        let cosine = side.dot(arrival.to_light);
+        if cosine > 0.0 && reaches(point, light) {
+            irradiance += arrival.irradiance * cosine;
+        }
+    }
+    let own = own_radiosity(material, facing);
+    ((own + sanitize(material.albedo) * irradiance) / PI).min(DVec3::splat(BRIGHTEST))
 }
 
 fn traverse(ray: &Ray, end_size: Option<f64>, pieces: &[Piece], t_max: f64) -> Option<Hit> {
@@ -284,22 +315,9 @@ impl Tracing<'_> {
     fn lit_at(&self, ray: &Ray, hit: &Hit, materials: &[Material], lights: &[Light]) -> DVec3 {
         let piece = &self.pieces[hit.piece];
         let t = piece.corners;
-        let normal = (t.b - t.a).cross(t.c - t.a).normalize_or(-ray.direction);
-        let facing = normal.dot(ray.direction) < 0.0;
-        let side = if facing { normal } else { -normal };
-        let place = ray.origin + ray.direction * hit.t;
-        let offset = ray_epsilon(place).max(ray_epsilon(ray.origin));
-        let point = place + (side - ray.direction) * offset;
-        let mut irradiance = DVec3::ZERO;
-        for light in lights {
-            let arrival = arrival(light, place);
-            let cosine = side.dot(arrival.to_light);
-            if cosine > 0.0 && unshadowed(point, light, self.pieces) {
-                irradiance += arrival.irradiance * cosine;
-            }
-        }
-        let material = materials[(piece.material as usize).min(materials.len() - 1)];
-        let own = own_radiosity(&material, facing);
-        ((own + sanitize(material.albedo) * irradiance) / PI).min(DVec3::splat(BRIGHTEST))
+        let normal = (t.b - t.a).cross(t.c - t.a);
+        let material = &materials[(piece.material as usize).min(materials.len() - 1)];
+        let reaches = |point, light: &Light| unshadowed(point, light, self.pieces);
+        lit_surface((ray, hit.t), normal, material, lights, reaches)
     }
 }

@@ -10,6 +10,7 @@ pub mod gbuffer;
 pub mod ggx;
 pub mod hashing;
 pub mod hit_resolver;
+pub mod instanced_bvh;
 pub mod light;
 pub mod multi_res_mask;
 pub mod multi_res_reconstructor;

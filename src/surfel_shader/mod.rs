@@ -352,8 +352,8 @@ impl SurfelShader {
             Shadow::Traced(bvh) => {
                 let bounds = bvh.triangles(cloud)?;
                 resources.extend([
-                    ("nodes", view(&bounds.nodes)),
-                    ("triangles", view(&bounds.triangles)),
+                    ("nodes", view(bounds.nodes())),
+                    ("triangles", view(bounds.triangles())),
                 ]);
                 &self.traced
             }

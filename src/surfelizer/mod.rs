@@ -3,10 +3,10 @@
 pub(crate) mod params;
 pub(crate) mod settings;
 
-use wgpu::{Buffer, CommandEncoder, ComputePipeline, Device};
+use wgpu::{CommandEncoder, ComputePipeline, Device};
 
 use self::{
-    params::{MAX_VIEWS, MeshBinding, SurfelizerParams, Window},
+    params::{MAX_VIEWS, SurfelizerParams},
     settings::SurfelizerSettings,
 };
 use crate::{
@@ -17,12 +17,13 @@ use crate::{
     gpu::compiler::Compiler,
     gpu::{
         Kernel, Timestamps, WORKGROUP,
-        binding::{Layout, Resource, part, whole},
+        binding::{Layout, whole},
         check_timestamps, compute_pass, dispatch_rows,
         scan::Scan,
         shader,
         uniforms::{Parameters, Uniforms},
     },
+    mesh_binding::{MeshBinding, check_bound, windows},
     surfel::{CloudCapacity, SurfelCloud},
 };
 
@@ -260,39 +261,6 @@ impl Surfelizer {
     }
 }
 
-/// What a mesh binds of its buffers.
-fn windows<'a>(mesh: &Mesh<'a>, bound: &MeshBinding) -> [Resource<'a>; 3] {
-    let vertices = window(mesh.vertices.buffer, bound.vertices);
-    // A layout has no optional bindings: what a mesh lacks is its vertices once more, and is never read.
-    let indices = match (mesh.indices, bound.indices) {
-        (Some(indices), Some(w)) => window(indices.buffer, w),
-        _ => vertices.clone(),
-    };
-    let transforms = match (mesh.instances, bound.instances) {
-        (Some(instances), Some(w)) => window(instances.buffer, w),
-        _ => vertices.clone(),
-    };
-    [vertices, indices, transforms]
-}
-
-/// Checks that the device can bind as much.
-fn check_bound(device: &Device, bound: &MeshBinding) -> Result<(), Error> {
-    let limit = device.limits().max_storage_buffer_binding_size;
-    for (size, why) in [
-        (Some(bound.vertices.size), "Mesh::vertices"),
-        (bound.indices.map(|w| w.size), "Mesh::indices"),
-        (bound.instances.map(|w| w.size), "Mesh::instances"),
-    ] {
-        check_limit(
-            "max_storage_buffer_binding_size",
-            limit,
-            size.unwrap_or(0),
-            why,
-        )?;
-    }
-    Ok(())
-}
-
 /// A kernel cannot read what it writes: refuses a mesh made of the cloud's own buffers.
 fn check_apart(mesh: &Mesh<'_>, cloud: &SurfelCloud) -> Result<(), Error> {
     let own = [&cloud.pieces, &cloud.counters];
@@ -310,10 +278,6 @@ fn check_apart(mesh: &Mesh<'_>, cloud: &SurfelCloud) -> Result<(), Error> {
         }
     }
     Ok(())
-}
-
-fn window(buffer: &Buffer, window: Window) -> Resource<'_> {
-    part(buffer, window.offset, window.size)
 }
 
 /// Every module of the pass.

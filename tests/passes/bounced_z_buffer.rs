@@ -4,9 +4,9 @@ use std::f64::consts::PI;
 use support::testing::pipelines;
 
 use deep_screen_space::{
-    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, Camera, CloudCapacity, Error,
-    HitLighting, HitRadiance, Payload, Placement, Primitives, Sampling, SurfelRadiance,
-    SurfelizerSettings, Timestamps, Viewport,
+    BouncedDescriptor, BouncedInput, BouncedScene, BouncedSettings, BouncedView, Camera,
+    CloudCapacity, Error, HitLighting, HitRadiance, Payload, Placement, Primitives, Sampling,
+    SurfelRadiance, SurfelizerSettings, Timestamps, Viewport,
     glam::{DMat4, DVec2, DVec3, DVec4},
     reference::{
         bounced_z_buffer::{Senders, Tracing},
@@ -1191,7 +1191,10 @@ fn what_does_not_fit_is_a_typed_error() {
 
     // Bounds, and what they are recorded for.
     let bad = BouncedInput {
-        bvh: &other.bounds,
+        scene: BouncedScene::Cloud {
+            cloud: &senders.cloud,
+            bvh: &other.bounds,
+        },
         ..input
     };
     assert_eq!(named(record(&bad, &settings(4), &view)), "Bvh");
@@ -1242,8 +1245,10 @@ fn what_does_not_fit_is_a_typed_error() {
         };
         lab.record_senders(&mut senders, &shot.buffers.meshes(), &shot.camera, &cloud);
         let bad = BouncedInput {
-            cloud: &senders.cloud,
-            bvh: &senders.bounds,
+            scene: BouncedScene::Cloud {
+                cloud: &senders.cloud,
+                bvh: &senders.bounds,
+            },
             ..input
         };
         assert_eq!(

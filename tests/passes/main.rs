@@ -7,6 +7,7 @@ mod ggx;
 mod glossy;
 mod hit_resolver;
 mod hull_surfels;
+mod instanced_bvh;
 mod lit_hits;
 mod multi_res_mask;
 mod multi_res_reconstructor;

@@ -1,5 +1,5 @@
 // What the stages of building a bounding volume hierarchy share: wgsl/bvh_order.wgsl, bvh_cluster.wgsl, bvh_collapse.wgsl.
-// Needs math, hashing, surfel and slots.
+// Needs math and hashing, and surfel, or with #if INSTANCES instance.
 
 #import ray
 
@@ -9,12 +9,13 @@ struct State {
   count: u32,
   // The root of the binary tree.
   root: u32,
-  padding0: u32,
-  padding1: u32,
+  // The node and the triangle that the hierarchy begins with: others are before it in the same textures.
+  first_node: u32,
+  first_triangle: u32,
   // Bounds of the primitives' centres, as ordered() has them: lowest x, y, z and highest x, y, z.
   bounds: array<StateWord, 6>,
-  padding2: u32,
-  padding3: u32,
+  padding0: u32,
+  padding1: u32,
   // Nodes of each level of the tree of wide nodes, and of those before it.
   levels: array<StateWord, 64>,
   before: array<u32, 64>,
@@ -26,7 +27,7 @@ struct BinaryNode {
   left: u32,
   high: vec3f,
   right: u32,
-  // Primitives below it, and the area of their triangles.
+  // Primitives below it, and their area.
   count: u32,
   area: f32,
   // Levels of nodes from it on.
@@ -55,6 +56,28 @@ fn half_area(box: Box) -> f32 {
   return e.x * e.y + e.y * e.z + e.z * e.x;
 }
 
+#if INSTANCES
+alias Primitive = Instance;
+
+fn is_sound(instance: Instance) -> bool {
+  return max_component(max(abs(instance.low), abs(instance.high))) <= FAR;
+}
+
+fn center_of(instance: Instance) -> vec3f {
+  return (instance.low + instance.high) * 0.5;
+}
+
+fn box_of(instance: Instance) -> Box {
+  return Box(instance.low, instance.high);
+}
+
+// What stops rays within the box is not known: all of it, as if it were full.
+fn area_of(instance: Instance) -> f32 {
+  return half_area(box_of(instance));
+}
+#else
+alias Primitive = Piece;
+
 fn is_sound(piece: Piece) -> bool {
   let largest = max(abs(piece.a), max(abs(piece.b), abs(piece.c)));
   return is_finite3(piece.a) && is_finite3(piece.b) && is_finite3(piece.c) && max_component(largest) <= FAR;
@@ -70,16 +93,17 @@ fn box_of(piece: Piece) -> Box {
   return Box(min(piece.a, min(piece.b, piece.c)) - margin, max(piece.a, max(piece.b, piece.c)) + margin);
 }
 
+fn area_of(piece: Piece) -> f32 {
+  return 0.5 * length(min(abs(cross(piece.b - piece.a, piece.c - piece.a)), vec3f(FAR)));
+}
+#endif
+
 // The box of a primitive that is out of range, which no ray meets: the lowest corner of what bounds the others' centres, or 0
 // where there are none.
 fn point_of(words: vec3u) -> Box {
   let corner = vec3f(from_ordered(words.x), from_ordered(words.y), from_ordered(words.z));
   let point = select(vec3f(0.0), corner, vec3<bool>(is_finite3(corner)));
   return Box(point, point);
-}
-
-fn area_of(piece: Piece) -> f32 {
-  return 0.5 * length(min(abs(cross(piece.b - piece.a, piece.c - piece.a)), vec3f(FAR)));
 }
 
 // Bits of a float that are ordered as floats are.

@@ -12,6 +12,12 @@
 //   2…4      lowest x, y, z and highest x, y, z, two words each of four children: nodes first, then leaves, and of either
 //            kind first what is most likely to stop a ray that enters it
 //
+// An instance of a mesh is a node of four texels, from which a ray goes on to the root of the mesh's hierarchy, in its own space:
+//
+//   0   xyz  bits of where the mesh's origin is; in w IS_INSTANCE, which no other node has there
+//   1…3      bits of the rows of the matrix that takes what the origin was subtracted from to the mesh's space; in w the root,
+//            the index of the mesh's material, and that of the instance
+//
 // A triangle is three texels of bits of floats:
 //
 //   0   a corner; in w the index of its primitive
@@ -20,6 +26,7 @@
 
 const NODE_TEXELS: u32 = 5u;
 const TRIANGLE_TEXELS: u32 = 3u;
+const IS_INSTANCE: u32 = 0xffffffffu;
 // Texels of a row: whole nodes and whole triangles.
 const ROW_TEXELS: u32 = 4095u;
 const NODES_A_ROW: u32 = ROW_TEXELS / NODE_TEXELS;
@@ -31,6 +38,12 @@ const WIDTH: u32 = 8u;
 const LEAF_SIZE: u32 = 2u;
 // Levels of nodes, at most: see src/bvh/triangles.rs.
 const MAX_DEPTH: u32 = 52u;
+#if TWO_LEVELS
+// Those of the instances, and of a mesh.
+const STACK_SIZE: u32 = 2u * MAX_DEPTH;
+#else
+const STACK_SIZE: u32 = MAX_DEPTH;
+#endif
 
 fn node_texel_at(node: u32) -> vec2u {
   return vec2u((node % NODES_A_ROW) * NODE_TEXELS, node / NODES_A_ROW);

@@ -1,0 +1,576 @@
+//! A hierarchy of two levels: one per mesh, in its own space, and one over the instances of all meshes
+//! (`wgsl/instanced_bvh.wgsl`).
+
+pub(crate) mod params;
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+use wgpu::{Buffer, BufferUsages, CommandEncoder, ComputePass, ComputePipeline, Device};
+
+use self::params::PlaceParams;
+use crate::{
+    bvh::triangles::{BvhPass, NodePool, Over, Workspace},
+    camera::Camera,
+    effect::Listing,
+    error::{Error, check_limit, check_setting},
+    geometry::{Geometry, Mesh},
+    gpu::{
+        Kernel, Timestamps, WORKGROUP,
+        binding::{self, Group, Kept, Layout, whole},
+        check_timestamps,
+        compiler::Compiler,
+        compute_pass, dispatch, shader, storage,
+        uniforms::{Parameters, Uniforms},
+    },
+    mesh_binding::{MeshBinding, check_bound, windows},
+    recorded::{Recordings, Stamp},
+    surfel::{Piece, SurfelCounts},
+};
+
+const SOURCE: &str = include_str!("../../wgsl/instanced_bvh.wgsl");
+
+const LABEL: &str = "deep-screen-space instanced bvh";
+
+const NAME: &str = "InstancedBvh";
+
+/// Bytes of the shader's `Instance`, and of an anchor.
+const INSTANCE_BYTES: u64 = 96;
+const ANCHOR_BYTES: u64 = 16;
+
+crate::reflection::bytes_of_wgsl!(
+    instances_are_the_shaders: INSTANCE_BYTES, as "Instance" in ["instanced_bvh"]
+);
+
+/// The least triangles that a workspace is made for: meshes of fewer share one. Each next one is for up to four times as many.
+const SMALLEST: u32 = 256;
+
+/// The most nodes: what is left to visit packs an index of 24 bits.
+const MOST_NODES: u64 = 1 << 24;
+
+/// Which meshes' vertices or indices are others than when an [`InstancedBvh`] was last recorded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ChangedMeshes<'a> {
+    /// None: only transforms may be.
+    #[default]
+    None,
+    /// Those of these indices into [`Geometry::meshes`].
+    Some(&'a [usize]),
+    /// All.
+    All,
+}
+
+/// What one recording of the [`InstancedBvhBuilder`] works on.
+#[derive(Clone, Copy, Debug)]
+pub struct InstancedBvhInput<'a> {
+    /// The caller's meshes, as many as the hierarchy was created for, in the same order.
+    pub geometry: Geometry<'a>,
+    /// Its [focus](Camera::focus) becomes the scene's origin.
+    pub camera: &'a Camera,
+    /// The meshes to be built anew. One that was never built is, in any case.
+    pub changed: ChangedMeshes<'a>,
+    /// Where to write begin and end times, if anywhere.
+    pub timestamps: Option<Timestamps<'a>>,
+}
+
+impl<'a> InstancedBvhInput<'a> {
+    /// With nothing changed but transforms, without timestamps.
+    pub fn new(geometry: Geometry<'a>, camera: &'a Camera) -> Self {
+        Self {
+            geometry,
+            camera,
+            changed: ChangedMeshes::None,
+            timestamps: None,
+        }
+    }
+}
+
+/// What a recording found, as it stands in [`InstancedBvh::counts`] once the GPU has run it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct InstancedCounts {
+    /// Instances of meshes that have triangles.
+    pub instances: u32,
+    /// Those of them that are left out: of a transform that is not finite, that makes an axis shorter than 1e-15 or longer than
+    /// 1e15, or whose axes, each divided by its length, span a volume of less than 1e-6; or beyond 1e18 units.
+    pub left_out: u32,
+}
+
+crate::reflection::same_as_wgsl!(
+    counts_are_the_shaders: InstancedCounts as "Counts" in ["instanced_bvh"]
+    { instances, left_out }
+);
+
+/// A bounding volume hierarchy of two levels, which rays traverse: one over each mesh's triangles in the mesh's own space, kept
+/// for as long as its vertices are what they were, and one over the instances of all, made anew with each recording (a bottom
+/// and a top level, elsewhere). For scenes of many instances and static parts: memory and building go with the meshes, where a
+/// [`Bvh`](crate::Bvh) has every triangle of every instance. Rays take somewhat longer where instances overlap.
+///
+/// An [`InstancedBvhBuilder`] makes it; a [`BouncedZBuffer`](crate::BouncedZBuffer) for
+/// [`Primitives::Instances`](crate::Primitives::Instances) traces it.
+///
+/// A mesh is kept as precisely as its vertices are given, relative to its first one. A ray moved to a mesh's space is rounded to
+/// 5e-7 of its distance and that of the mesh's first vertex from the origin, and what lies nearer to where it starts than that
+/// is not met: a mesh that spans kilometres is better cut into parts.
+#[derive(Debug)]
+pub struct InstancedBvh {
+    pool: NodePool,
+    meshes: Vec<MeshRoom>,
+    /// By size, each for meshes of up to four times as many triangles as the one before.
+    workshops: Vec<Workshop>,
+    instance_capacity: u32,
+    top: Workspace,
+    instances: Buffer,
+    instance_counters: Buffer,
+    anchors: Buffer,
+    counts: Buffer,
+    origin: DVec3,
+    recordings: Recordings,
+    kept: Kept,
+}
+
+/// Where a mesh's hierarchy is.
+#[derive(Debug)]
+struct MeshRoom {
+    triangles: u32,
+    first_node: u32,
+    first_triangle: u32,
+    /// Which of the workshops builds it.
+    workshop: usize,
+    built: bool,
+}
+
+/// What builds meshes of some size.
+#[derive(Debug)]
+struct Workshop {
+    workspace: Workspace,
+    pieces: Buffer,
+    counters: Buffer,
+    /// Of the stages, and of the meshes that were built last.
+    kept: Kept,
+    kept_meshes: Kept,
+}
+
+impl InstancedBvh {
+    /// GPU memory that it owns, bytes.
+    pub fn memory_bytes(&self) -> u64 {
+        let workshops = self.workshops.iter();
+        let workshops =
+            workshops.map(|w| w.workspace.bytes() + w.pieces.size() + w.counters.size());
+        let buffers = [
+            &self.instances,
+            &self.instance_counters,
+            &self.anchors,
+            &self.counts,
+        ];
+        self.pool.bytes()
+            + self.top.bytes()
+            + workshops.sum::<u64>()
+            + buffers.iter().map(|b| b.size()).sum::<u64>()
+    }
+
+    /// The point, in world space, that rays are relative to: the [focus](Camera::focus) of the camera last recorded.
+    pub fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
+    /// A buffer of one [`InstancedCounts`] (usages `STORAGE | COPY_SRC`), for the caller to copy and read when it likes.
+    pub fn counts(&self) -> &Buffer {
+        &self.counts
+    }
+
+    /// What rays read.
+    pub(crate) fn pool(&self) -> &NodePool {
+        &self.pool
+    }
+
+    /// Its last recording, for what is recorded from it.
+    pub(crate) fn last(&self) -> Result<Stamp, Error> {
+        self.recordings.last(NAME)
+    }
+}
+
+/// Builds [`InstancedBvh`]s on the GPU: one [`InstancedBvhBuilder::record`] a frame.
+///
+/// Holds pipelines only; one serves any number of scenes.
+#[derive(Debug)]
+pub struct InstancedBvhBuilder {
+    piece_layout: Layout,
+    place_layout: Layout,
+    make_pieces: ComputePipeline,
+    place_instances: ComputePipeline,
+    meshes: BvhPass,
+    top: BvhPass,
+    uniforms: Uniforms,
+}
+
+impl InstancedBvhBuilder {
+    /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] where the device was made with less than that.
+    pub fn new<'a>(compiler: impl Into<Compiler<'a>>) -> Result<Self, Error> {
+        let Compiler { device, cache } = compiler.into();
+        check_limit(
+            "max_storage_buffers_per_shader_stage",
+            u64::from(device.limits().max_storage_buffers_per_shader_stage),
+            6,
+            LABEL,
+        )?;
+        let module = shader::create(device, LABEL, source()?);
+        let piece_layout = module.layout(device, &["make_pieces"]);
+        let place_layout = module.layout(device, &["place_instances"]);
+        let kernel = |entry, layout: &Layout| {
+            Kernel {
+                label: &format!("{LABEL}: {entry}"),
+                module: &module,
+                entry,
+                layouts: &[&layout.raw],
+                constants: &[],
+                cache,
+            }
+            .create(device)
+        };
+        Ok(Self {
+            make_pieces: kernel("make_pieces", &piece_layout),
+            place_instances: kernel("place_instances", &place_layout),
+            meshes: BvhPass::new(device, cache, Over::Triangles)?,
+            top: BvhPass::new(device, cache, Over::Instances)?,
+            uniforms: Uniforms::new(LABEL),
+            piece_layout,
+            place_layout,
+        })
+    }
+
+    /// Room for a scene: for each mesh as many triangles, and in all as many instances, as `geometry` has. A geometry with more
+    /// of either leaves room to grow.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] where the device cannot hold or bind as much. Within `Limits::default()` a mesh has at most 2 796 202
+    /// triangles, and all have 11 182 080, as have as many instances as come to 1 398 101; of these, and of nodes, `needed`
+    /// tells the count.
+    pub fn create(&self, device: &Device, geometry: &Geometry<'_>) -> Result<InstancedBvh, Error> {
+        let instances = geometry
+            .meshes
+            .iter()
+            .fold(0, |n: u32, mesh| n.saturating_add(mesh.instance_count()));
+        let limits = device.limits();
+        let bytes = limits
+            .max_storage_buffer_binding_size
+            .min(limits.max_buffer_size);
+        check_limit(
+            "max_storage_buffer_binding_size",
+            bytes,
+            INSTANCE_BYTES * u64::from(instances),
+            "instances of an InstancedBvh, 96 bytes each",
+        )?;
+        let mut nodes = u64::from(Over::Instances.most_nodes(instances));
+        let mut triangles = 0_u64;
+        let mut largest: Vec<u32> = Vec::new();
+        let mut meshes = Vec::with_capacity(geometry.meshes.len());
+        for mesh in geometry.meshes {
+            let own = mesh.triangles();
+            check_limit(
+                "max_storage_buffer_binding_size",
+                bytes,
+                size_of::<Piece>() as u64 * u64::from(own),
+                "triangles of a mesh of an InstancedBvh, 48 bytes each",
+            )?;
+            let workshop = workshop_for(own);
+            meshes.push(MeshRoom {
+                triangles: own,
+                // What does not fit is refused below.
+                first_node: nodes as u32,
+                first_triangle: triangles as u32,
+                workshop,
+                built: false,
+            });
+            if own > 0 {
+                largest.resize(largest.len().max(workshop + 1), 0);
+                largest[workshop] = largest[workshop].max(own);
+            }
+            nodes += u64::from(Over::Triangles.most_nodes(own));
+            triangles += u64::from(own);
+        }
+        check_limit("nodes", MOST_NODES, nodes, "nodes of an InstancedBvh")?;
+        let pool = NodePool::new(device, nodes as u32, triangles as u32)?;
+        let counters = || {
+            storage(
+                device,
+                "deep-screen-space counters of primitives",
+                size_of::<SurfelCounts>() as u64,
+                BufferUsages::COPY_DST,
+            )
+        };
+        let workshops = largest.into_iter().map(|triangles| {
+            Ok(Workshop {
+                workspace: self.meshes.workspace(device, triangles.max(1))?,
+                pieces: storage(
+                    device,
+                    "deep-screen-space triangles of a mesh",
+                    size_of::<Piece>() as u64 * u64::from(triangles.max(1)),
+                    BufferUsages::empty(),
+                )?,
+                counters: counters()?,
+                kept: Kept::default(),
+                kept_meshes: Kept::default(),
+            })
+        });
+        Ok(InstancedBvh {
+            pool,
+            workshops: workshops.collect::<Result<_, Error>>()?,
+            top: self.top.workspace(device, instances.max(1))?,
+            instances: storage(
+                device,
+                "deep-screen-space instances",
+                INSTANCE_BYTES * u64::from(instances.max(1)),
+                BufferUsages::empty(),
+            )?,
+            instance_counters: counters()?,
+            anchors: storage(
+                device,
+                "deep-screen-space origins of meshes",
+                ANCHOR_BYTES * meshes.len() as u64,
+                BufferUsages::empty(),
+            )?,
+            counts: storage(
+                device,
+                "deep-screen-space counts of instances",
+                size_of::<InstancedCounts>() as u64,
+                BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
+            )?,
+            instance_capacity: instances,
+            meshes,
+            origin: DVec3::ZERO,
+            recordings: Recordings::default(),
+            kept: Kept::default(),
+        })
+    }
+
+    /// Records the building into a compute pass of its own: of the meshes that changed or were never built, some 60 dispatches
+    /// each and some 10 more for every factor of four in their triangles, and of the hierarchy over all instances, a dispatch a
+    /// mesh and as many again as for one mesh.
+    ///
+    /// # Errors
+    /// What [`Mesh::validate`] finds; [`Error::Limit`] for buffers that the device cannot bind; [`Error::Mismatch`] for another
+    /// number of meshes, or more triangles or instances, than there is room for; [`Error::Setting`] for a changed mesh that
+    /// there is none of; before anything is recorded.
+    pub fn record(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        input: &InstancedBvhInput<'_>,
+        bvh: &mut InstancedBvh,
+    ) -> Result<(), Error> {
+        check_timestamps(input.timestamps)?;
+        bvh.check(input)?;
+        let origin = input.camera.focus();
+        let mut parameters = Parameters::new(device);
+        let mut drawn = Vec::with_capacity(bvh.meshes.len());
+        let has_triangles = |mesh: &Mesh<'_>| mesh.triangles() > 0 && mesh.vertices.count > 0;
+        let placed = input.geometry.meshes.iter().filter(|m| has_triangles(m));
+        let instances = placed.map(Mesh::instance_count).sum();
+        let mut first_instance = 0;
+        for (index, mesh) in input.geometry.meshes.iter().enumerate() {
+            if !has_triangles(mesh) {
+                continue;
+            }
+            let binding = MeshBinding::new(mesh, 0);
+            check_bound(device, &binding)?;
+            let room = &bvh.meshes[index];
+            let place = PlaceParams {
+                first_node: room.first_node,
+                first_triangle: room.first_triangle,
+                mesh: index as u32,
+                first_instance,
+                instances,
+                ..PlaceParams::new(origin)
+            };
+            first_instance += mesh.instance_count();
+            let places = [
+                ("mesh", parameters.add(&binding.params)),
+                ("place", parameters.add(&place)),
+            ];
+            drawn.push((index, mesh, binding, places));
+        }
+
+        bvh.recordings.advance();
+        bvh.origin = origin;
+        encoder.clear_buffer(&bvh.counts, 0, None);
+        encoder.clear_buffer(&bvh.instance_counters, 0, None);
+        let parameters = self.uniforms.upload(device, encoder, &parameters);
+        let mut pass = compute_pass(encoder, LABEL, input.timestamps);
+        // Those of a workshop follow each other.
+        for at in 0..bvh.workshops.len() {
+            let rooms = &bvh.meshes;
+            let built = drawn.iter().filter(|(index, ..)| {
+                let room = &rooms[*index];
+                room.workshop == at && (!room.built || input.changed.has(*index))
+            });
+            let workshop = &bvh.workshops[at];
+            let mut groups = workshop.kept_meshes.groups(device);
+            let pieces: Vec<(u32, Group)> = built
+                .map(|(_, mesh, binding, [params, place])| {
+                    let [vertices, indices, _] = windows(mesh, binding);
+                    let resources = [
+                        (params.0, parameters.at(params.1)),
+                        (place.0, parameters.at(place.1)),
+                        ("vertices", vertices),
+                        ("indices", indices),
+                        ("counters", whole(&workshop.counters)),
+                        ("state", whole(&workshop.workspace.state)),
+                        ("pieces", whole(&workshop.pieces)),
+                        ("anchors", whole(&bvh.anchors)),
+                    ];
+                    let group = groups.next(&self.piece_layout, &resources);
+                    (mesh.triangles(), group)
+                })
+                .collect();
+            drop(groups);
+            if !pieces.is_empty() {
+                self.build(device, &mut pass, workshop, &bvh.pool, &pieces);
+            }
+        }
+        for (index, ..) in &drawn {
+            bvh.meshes[*index].built = true;
+        }
+
+        let mut groups = bvh.kept.groups(device);
+        for (_, mesh, binding, [params, place]) in &drawn {
+            let [_, _, transforms] = windows(mesh, binding);
+            let resources = [
+                (params.0, parameters.at(params.1)),
+                (place.0, parameters.at(place.1)),
+                ("transforms", transforms),
+                ("counters", whole(&bvh.instance_counters)),
+                ("state", whole(&bvh.top.state)),
+                ("anchors", whole(&bvh.anchors)),
+                ("nodes", binding::view(&bvh.pool.nodes)),
+                ("instances", whole(&bvh.instances)),
+                ("counts", whole(&bvh.counts)),
+            ];
+            let group = groups.next(&self.place_layout, &resources);
+            let count = mesh.instance_count().div_ceil(WORKGROUP);
+            dispatch(&mut pass, &self.place_instances, &group, count);
+        }
+        let primitives = (&bvh.instances, &bvh.instance_counters);
+        let stages = self.top.bind(&mut groups, &bvh.top, primitives, &bvh.pool);
+        drop(groups);
+        self.top.dispatch(&mut pass, &bvh.top, &stages);
+        Ok(())
+    }
+
+    /// Builds meshes, of so many triangles each, one after the other.
+    fn build(
+        &self,
+        device: &Device,
+        pass: &mut ComputePass<'_>,
+        workshop: &Workshop,
+        pool: &NodePool,
+        meshes: &[(u32, Group)],
+    ) {
+        let primitives = (&workshop.pieces, &workshop.counters);
+        let mut groups = workshop.kept.groups(device);
+        let stages = self
+            .meshes
+            .bind(&mut groups, &workshop.workspace, primitives, pool);
+        drop(groups);
+        for (triangles, group) in meshes {
+            let count = triangles.div_ceil(WORKGROUP);
+            dispatch(pass, &self.make_pieces, group, count);
+            self.meshes.dispatch(pass, &workshop.workspace, &stages);
+        }
+    }
+}
+
+impl ChangedMeshes<'_> {
+    fn has(self, mesh: usize) -> bool {
+        match self {
+            Self::None => false,
+            Self::Some(meshes) => meshes.contains(&mesh),
+            Self::All => true,
+        }
+    }
+}
+
+impl InstancedBvh {
+    /// Checks that there is room for an input.
+    fn check(&self, input: &InstancedBvhInput<'_>) -> Result<(), Error> {
+        let meshes = input.geometry.meshes;
+        let instances = meshes
+            .iter()
+            .map(|m| u64::from(m.instance_count()))
+            .sum::<u64>();
+        if meshes.len() != self.meshes.len() || instances > u64::from(self.instance_capacity) {
+            return Err(Error::Mismatch {
+                name: NAME,
+                found: describe(self.meshes.len(), u64::from(self.instance_capacity)),
+                needed: describe(meshes.len(), instances),
+            });
+        }
+        for (index, (mesh, room)) in meshes.iter().zip(&self.meshes).enumerate() {
+            mesh.validate()?;
+            if mesh.triangles() > room.triangles {
+                return Err(Error::Mismatch {
+                    name: NAME,
+                    found: format!("{} triangles of mesh {index}", room.triangles),
+                    needed: format!("{} triangles of mesh {index}", mesh.triangles()),
+                });
+            }
+        }
+        if let ChangedMeshes::Some(changed) = input.changed {
+            for &mesh in changed {
+                check_setting(
+                    mesh < meshes.len(),
+                    "InstancedBvhInput::changed",
+                    mesh as f64,
+                    "indices of the geometry's meshes",
+                )?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn describe(meshes: usize, instances: u64) -> String {
+    format!("{meshes} meshes, {instances} instances")
+}
+
+/// Which of the workshops builds a mesh of so many triangles.
+fn workshop_for(triangles: u32) -> usize {
+    let blocks = triangles.div_ceil(SMALLEST).max(1);
+    // The least k for which 4^k blocks suffice.
+    ((blocks - 1).checked_ilog2().map_or(0, |log| log + 1)).div_ceil(2) as usize
+}
+
+/// Assembles the module.
+fn source() -> Result<String, Error> {
+    shader::assemble("instanced_bvh", SOURCE, &[], &[])
+}
+
+/// Every module of the pass.
+pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    all.add("instanced_bvh", source()?);
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::workshop_for;
+
+    #[test]
+    fn meshes_of_a_workshop_are_of_like_size() {
+        for (triangles, workshop) in [
+            (0, 0),
+            (1, 0),
+            (256, 0),
+            (257, 1),
+            (1024, 1),
+            (1025, 2),
+            (4096, 2),
+            (4097, 3),
+            (1 << 20, 6),
+        ] {
+            assert_eq!(workshop_for(triangles), workshop, "{triangles}");
+        }
+    }
+}
