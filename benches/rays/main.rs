@@ -15,9 +15,12 @@
 //! Below each row stand counts, which are the same on any machine: for any hit, without a radius and with R, and for the
 //! nearest one, per ray, nodes visited, triangles tested, bytes of both, and steps of the slowest of 32 rays (8 × 4 pixels,
 //! one direction), each a node or a triangle; *even* is a ray's mean number of steps over that. Beside them stand those of
-//! `obvhs`, whose children are in the order of the ray's octant. `--counts` measures nothing else.
+//! `obvhs`, whose children are in the order of the ray's octant. `--counts` measures nothing else. `--instances` has tables of
+//! its own (`instances.rs`).
 
+mod instances;
 mod obvhs_rays;
+
 use std::{
     cell::Cell,
     collections::BTreeMap,
@@ -73,6 +76,9 @@ struct Options {
     /// Counts, and no times.
     #[arg(long)]
     counts: bool,
+    /// Forests of instances, in one level and in two, within the limits that `DSS_LIMITS` asks for; nothing else.
+    #[arg(long)]
+    instances: bool,
     /// Of ambient occlusion, world units; without, what suits the crate's own scene.
     #[arg(long)]
     radius: Option<f32>,
@@ -103,6 +109,12 @@ struct Shot {
 
 fn main() {
     let mut options = Options::parse();
+    if options.instances {
+        let gpu = Gpu::open(Ask::from_env()).expect("a graphics adapter");
+        let rows = instances::run(&gpu, options.quick);
+        bench::write_rows("rays-instances", &rows).expect("target can be written");
+        return;
+    }
     if options.scenes.is_empty() {
         options.scenes = ["cornell", "colonnade", "dominoes", "closed_room"]
             .map(String::from)

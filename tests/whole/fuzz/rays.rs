@@ -1,8 +1,8 @@
 //! Surfels' pieces, or the surfels as disks, traced and reconstructed.
 
 use deep_screen_space::{
-    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, DiskSettings, GBuffer,
-    HitLighting, HitRadiance, HitResolver, HitResolverDescriptor, HitResolverInput,
+    BouncedDescriptor, BouncedInput, BouncedScene, BouncedSettings, BouncedZBuffer, DiskSettings,
+    GBuffer, HitLighting, HitRadiance, HitResolver, HitResolverDescriptor, HitResolverInput,
     HitResolverSettings, Merge, Payload, Placement, Primitives, Sampling,
     wgpu::{TextureFormat, TextureUsages},
 };
@@ -141,8 +141,10 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let frame = decoding.frame(case, gbuffer, &camera, cloud.origin())?;
     let input = BouncedInput {
         frame: &frame,
-        cloud,
-        bvh: &bounds,
+        scene: BouncedScene::Cloud {
+            cloud,
+            bvh: &bounds,
+        },
         radiance,
         timestamps: case.timestamps(),
     };
