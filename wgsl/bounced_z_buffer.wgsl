@@ -8,9 +8,9 @@
 // tens of tests in place of all senders within their splats' reach, and none is out of reach.
 //
 // Without #if RADIANCE a hit is a bit; with it, the radiance that the surfel at the hit sends, or with #if LIT what the
-// hit itself sends of the light that reaches it. Senders are a cloud's pieces,
-// with #if TWO_LEVELS the triangles of instances of meshes, or with #if DISKS its surfels as disks. With #if GLOSSY directions are those of the pixel's glossy lobe; those
-// below its horizon are not traced.
+// hit itself sends of the light that reaches it. Senders are a cloud's pieces, with #if TWO_LEVELS the triangles of instances
+// of meshes, or with #if DISKS a cloud's surfels as disks. With #if GLOSSY directions are those of the pixel's glossy lobe;
+// those below its horizon are not traced.
 
 #import math
 #import packing

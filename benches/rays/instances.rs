@@ -1,9 +1,10 @@
 //! One level beside two: forests of one tree, from ten thousand to ten million triangles.
 //!
-//! `cargo bench --bench rays -- --instances [--quick]`. Each forest is one mesh, turned and scaled anew for each tree, on a ground
-//! whose pixels send the rays. Rows by structure: memory of all that it needs (of one level the cloud too), milliseconds of the
-//! first building and of one for other transforms, and per ray nodes, triangles, bytes and steps of the slowest of 32, for any hit
-//! and for the nearest; milliseconds of tracing any hit. A structure that the device's limits do not hold is refused, with why.
+//! `cargo bench --bench rays -- --instances [--quick]`. Each forest is one mesh, turned and scaled anew for each tree, on a
+//! ground whose pixels send the rays. Rows by structure: memory of all that it needs (of one level the cloud too),
+//! milliseconds of building all and of building what other transforms ask for, and for any hit and the nearest milliseconds
+//! and, per ray, nodes, triangles, bytes and steps of the slowest of 32. A structure that the device's limits do not hold is
+//! refused, with why.
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedScene, BouncedSettings, BouncedZBuffer, BvhBuilder,
@@ -56,7 +57,7 @@ fn tree() -> Vec<[f32; 3]> {
         let angle = random(i, 2) * std::f32::consts::TAU;
         let radius = 0.3 * (1.0 - height) * random(i, 3).sqrt();
         let at = Vec3::new(radius * angle.cos(), 0.2 + height, radius * angle.sin());
-        for k in 0..3 {
+        for k in 0..3_u32 {
             let draw = |axis| random(i, 10 + 3 * k + axis) - 0.5;
             let corner = at + 0.08 * Vec3::new(draw(0), draw(1), draw(2));
             corners.push(corner.to_array());

@@ -193,11 +193,12 @@ impl BouncedZBuffer {
     ///
     /// # Errors
     /// What [`BouncedSettings::validate`] and, for lights, [`Light::validate`](crate::Light::validate) find; [`Error::Mismatch`]
-    /// where the frame has another origin than the scene, the scene is none of these primitives, the view was made for another descriptor or size or for fewer rays, the
-    /// hierarchy for another cloud's capacity, the radiance is none that the payload takes, or the G-buffer lacks the roughness
-    /// that glossy rays need; [`Error::Recording`] where the hierarchy was not recorded from this cloud, since that was;
-    /// [`Error::Buffer`] for radiance that is too small, or for materials; [`Error::Setting`] for too many lights, and where
-    /// radiance of pieces is asked for and the surfels are not leaves of them ([`Placement::Grid`] and [`Placement::Random`]).
+    /// where the frame has another origin than the scene, the scene is none of these primitives, the view was made for another
+    /// descriptor or size or for fewer rays, the hierarchy for another cloud's capacity, the radiance is none that the payload
+    /// takes, or the G-buffer lacks the roughness that glossy rays need; [`Error::Recording`] where the hierarchy was not
+    /// recorded, or not from this cloud since that was; [`Error::Buffer`] for radiance that is too small, or for materials;
+    /// [`Error::Setting`] for too many lights, and where radiance of pieces is asked for and the surfels are not leaves of them
+    /// ([`Placement::Grid`] and [`Placement::Random`]).
     pub fn record(
         &self,
         device: &Device,

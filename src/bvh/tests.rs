@@ -1,13 +1,15 @@
 //! The hierarchy as the GPU builds it, read back and held against what it has to be.
 
+use bytemuck::{Pod, Zeroable};
 use wgpu::util::DeviceExt;
 
 use super::triangles::{
-    BvhPass, NODE_TEXELS, Over, ROW_TEXELS, TRIANGLE_TEXELS, TriangleBvh, cluster_levels,
+    BvhPass, NODE_TEXELS, NodePool, Over, ROW_TEXELS, TRIANGLE_TEXELS, TriangleBvh, cluster_levels,
     most_nodes,
 };
 use crate::{
     Piece, SurfelCounts,
+    gpu::{binding::Kept, compute_pass},
     reference::hashing::{hash2, unit_float},
 };
 
@@ -135,6 +137,17 @@ struct Walk<'a> {
 
 type Corners = [[f64; 3]; 2];
 
+/// The box of a node's child.
+fn corners_of(node: &[u32; 20], child: u32) -> Corners {
+    let low = [node[0], node[1], node[2]].map(|w| f64::from(f32::from_bits(w)));
+    let step = [0, 8, 16].map(|s| f64::from(f32::from_bits((node[3] >> s & 0xff) << 23)));
+    let plane = |axis: usize, high: usize| {
+        let word = node[8 + 6 * high + 2 * axis + child as usize / 4];
+        low[axis] + f64::from(word >> (8 * (child % 4)) & 0xff) * step[axis]
+    };
+    [0, 1].map(|high| [0, 1, 2].map(|axis| plane(axis, high)))
+}
+
 impl Walk<'_> {
     /// Visits a node, whose primitives are to lie in all of the boxes.
     fn visit(&mut self, index: u32, boxes: &mut Vec<Corners>) {
@@ -142,18 +155,11 @@ impl Walk<'_> {
         self.visited[index as usize] = true;
         self.depth = self.depth.max(boxes.len() + 1);
         let node = self.words.nodes[index as usize];
-        let low = [node[0], node[1], node[2]].map(|w| f64::from(f32::from_bits(w)));
-        let step = [0, 8, 16].map(|s| f64::from(f32::from_bits((node[3] >> s & 0xff) << 23)));
         let (inner, leaves) = (node[3] >> 24 & 15, node[3] >> 28);
         assert!(inner + leaves <= 8);
-        let plane = |axis: usize, child: u32, high: usize| {
-            let word = node[8 + 6 * high + 2 * axis + child as usize / 4];
-            low[axis] + f64::from(word >> (8 * (child % 4)) & 0xff) * step[axis]
-        };
         let present = node[6];
         for child in 0..inner + leaves {
-            let corners = [0, 1].map(|high| [0, 1, 2].map(|axis| plane(axis, child, high)));
-            boxes.push(corners);
+            boxes.push(corners_of(&node, child));
             if child < inner {
                 self.visit(node[4] + child, boxes);
             } else {
@@ -325,6 +331,132 @@ fn hierarchies_are_sound() {
     }
 }
 
+/// The shaders' `Instance`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Instance {
+    low: [f32; 3],
+    root: u32,
+    high: [f32; 3],
+    material: u32,
+    x: [f32; 3],
+    index: u32,
+    y: [f32; 3],
+    padding0: u32,
+    z: [f32; 3],
+    padding1: u32,
+    shift: [f32; 3],
+    padding2: u32,
+}
+
+crate::reflection::same_as_wgsl!(
+    instances_are_the_shaders: Instance as "Instance" in ["bvh_collapse instances"]
+    { low, root, high, material, x, index, y, z, shift }
+);
+
+/// Instances that have boxes of some size anywhere in a cube; one in seven is out of range.
+fn instances(count: usize, side: f32, size: f32) -> Vec<Instance> {
+    (0..count)
+        .map(|i| {
+            let low = [0, 1, 2].map(|axis| side * (random(i, axis) - 0.5));
+            let mut high = low;
+            for (axis, x) in (0..).zip(&mut high) {
+                *x += size * random(i, 20 + axis);
+            }
+            let usable = i % 7 != 3 || count < 5;
+            Instance {
+                low: if usable { low } else { [3e38; 3] },
+                high: if usable { high } else { [3e38; 3] },
+                root: 100_000 + i as u32,
+                index: i as u32,
+                ..Instance::zeroed()
+            }
+        })
+        .collect()
+}
+
+/// Every instance in range is a node of its own below the root, within the boxes of those above it.
+fn visit_instances(
+    nodes: &[[u32; 20]],
+    index: u32,
+    boxes: &mut Vec<Corners>,
+    all: &[Instance],
+    met: &mut [u32],
+) -> (u32, usize) {
+    let node = nodes[index as usize];
+    if node[3] == u32::MAX {
+        let own = node[15] as usize;
+        met[own] += 1;
+        assert_eq!(node[7], all[own].root);
+        for [low, high] in boxes {
+            for axis in 0..3 {
+                assert!(low[axis] <= f64::from(all[own].low[axis]), "{own}");
+                assert!(high[axis] >= f64::from(all[own].high[axis]), "{own}");
+            }
+        }
+        return (index, boxes.len() + 1);
+    }
+    let (inner, leaves) = (node[3] >> 24 & 15, node[3] >> 28);
+    assert!(inner <= 8 && leaves == 0, "{inner} {leaves}");
+    let (mut last, mut depth) = (index, boxes.len() + 1);
+    for child in 0..inner {
+        boxes.push(corners_of(&node, child));
+        let below = visit_instances(nodes, node[4] + child, boxes, all, met);
+        (last, depth) = (last.max(below.0), depth.max(below.1));
+        boxes.pop();
+    }
+    (last, depth)
+}
+
+#[test]
+fn hierarchies_over_instances_are_sound() {
+    let lab = lab();
+    let pass = BvhPass::new(&lab.device, None, Over::Instances).expect("pipelines");
+    for count in [0, 1, 2, 7, 8, 9, 15, 16, 17, 64, 257, 3000] {
+        let all = instances(count, 10.0, 0.5);
+        let capacity = count.max(1) as u32;
+        let workspace = pass.workspace(&lab.device, capacity).expect("room");
+        let most = Over::Instances.most_nodes(count as u32);
+        let pool = NodePool::new(&lab.device, most, 0).expect("room");
+        let storage = |contents: &[u8]| {
+            let descriptor = wgpu::util::BufferInitDescriptor {
+                label: None,
+                contents,
+                usage: wgpu::BufferUsages::STORAGE,
+            };
+            lab.device.create_buffer_init(&descriptor)
+        };
+        let mut room = all.clone();
+        room.resize(capacity as usize, Instance::zeroed());
+        let buffer = storage(bytemuck::cast_slice(&room));
+        let counts = SurfelCounts {
+            pieces: count as u32,
+            ..SurfelCounts::default()
+        };
+        let counters = storage(bytemuck::bytes_of(&counts));
+        let kept = Kept::default();
+        let mut groups = kept.groups(&lab.device);
+        let stages = pass.bind(&mut groups, &workspace, (&buffer, &counters), &pool);
+        let mut encoder = lab
+            .device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        {
+            let mut recorded = compute_pass(&mut encoder, "instances", None);
+            pass.dispatch(&mut recorded, &workspace, &stages);
+        }
+        lab.queue.submit([encoder.finish()]);
+        let nodes: Vec<[u32; 20]> = rows(&lab.words(pool.textures()[0]), NODE_TEXELS);
+        let mut met = vec![0; count];
+        let (last, depth) = visit_instances(&nodes, 0, &mut Vec::new(), &all, &mut met);
+        for (met, instance) in met.iter().zip(&all) {
+            assert_eq!(*met, u32::from(instance.low[0] < 1e18), "{count}");
+        }
+        assert!(last < most, "{count}: node {last} of {most}");
+        assert!(depth <= MAX_DEPTH as usize, "{count}: depth {depth}");
+        println!("{count} instances: depth {depth}, nodes to {last} of {most}");
+    }
+}
+
 #[test]
 fn room_suffices() {
     for (capacity, levels) in [
@@ -340,7 +472,8 @@ fn room_suffices() {
     // So high clusters get in the last block, and 8 more; of the wide nodes' levels 16 take one of the binary tree's each, the
     // others three.
     let binary = 24 + 8 * (cluster_levels(1 << 23) - 1) + 8;
-    assert!(16 + (binary - 16).div_ceil(3) <= MAX_DEPTH);
+    // An instance is a node more.
+    assert!(16 + (binary - 16).div_ceil(3) < MAX_DEPTH);
 }
 
 #[test]

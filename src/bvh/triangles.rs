@@ -1,5 +1,5 @@
-//! The hierarchy over triangles, or over instances of meshes: a binary tree by clustering, collapsed to nodes of eight children (`wgsl/bvh_order.wgsl`,
-//! `bvh_cluster.wgsl`, `bvh_collapse.wgsl`; `wgsl/common/bvh_layout.wgsl` says what a node is).
+//! The hierarchy over triangles, or over instances of meshes: a binary tree by clustering, collapsed to nodes of eight children
+//! (`wgsl/bvh_order.wgsl`, `bvh_cluster.wgsl`, `bvh_collapse.wgsl`; `wgsl/common/bvh_layout.wgsl` says what a node is).
 
 use bytemuck::{Pod, Zeroable};
 use wgpu::{
@@ -178,20 +178,20 @@ impl TriangleBvh {
 
     #[cfg(test)]
     pub(super) fn textures(&self) -> [&Texture; 2] {
-        [&self.pool.node_texture, &self.pool.triangle_texture]
+        self.pool.textures()
     }
 }
 
 impl NodePool {
     /// Room for so many nodes and triangles.
     pub fn new(device: &Device, nodes: u32, triangles: u32) -> Result<Self, Error> {
-        let node_texture = texels(device, "deep-screen-space bvh nodes", nodes, NODE_TEXELS)?;
-        let triangle_texture = texels(
-            device,
+        let of_nodes = ("deep-screen-space bvh nodes", "rows of 819 nodes each");
+        let node_texture = texels(device, of_nodes, nodes, NODE_TEXELS)?;
+        let of_triangles = (
             "deep-screen-space bvh triangles",
-            triangles,
-            TRIANGLE_TEXELS,
-        )?;
+            "rows of 1365 triangles each",
+        );
+        let triangle_texture = texels(device, of_triangles, triangles, TRIANGLE_TEXELS)?;
         let view = |texture: &Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
         Ok(Self {
             nodes: view(&node_texture),
@@ -201,9 +201,13 @@ impl NodePool {
         })
     }
 
+    pub(super) fn textures(&self) -> [&Texture; 2] {
+        [&self.node_texture, &self.triangle_texture]
+    }
+
     /// GPU memory that it owns, bytes.
     pub fn bytes(&self) -> u64 {
-        [&self.node_texture, &self.triangle_texture]
+        self.textures()
             .iter()
             .map(|t| 16 * u64::from(t.width()) * u64::from(t.height()))
             .sum()
@@ -285,10 +289,10 @@ impl Workspace {
     }
 }
 
-/// A texture of so many items of a few texels each, in whole rows.
+/// A texture of so many items of a few texels each, in whole rows; `why` is what they are, for where they are too many.
 fn texels(
     device: &Device,
-    label: &'static str,
+    (label, why): (&str, &'static str),
     items: u32,
     texels_each: u32,
 ) -> Result<Texture, Error> {
@@ -297,7 +301,7 @@ fn texels(
         "max_texture_dimension_2d",
         u64::from(device.limits().max_texture_dimension_2d),
         u64::from(rows.max(ROW_TEXELS)),
-        label,
+        why,
     )?;
     Ok(device.create_texture(&wgpu::TextureDescriptor {
         label: Some(label),

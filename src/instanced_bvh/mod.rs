@@ -44,8 +44,8 @@ crate::reflection::bytes_of_wgsl!(
 /// The least triangles that a workspace is made for: meshes of fewer share one. Each next one is for up to four times as many.
 const SMALLEST: u32 = 256;
 
-/// The most nodes: what is left to visit packs an index of 24 bits.
-const MOST_NODES: u64 = 1 << 24;
+/// The most nodes and triangles: what is left to visit packs an index of 24 bits.
+const MOST: u64 = 1 << 24;
 
 /// Which meshes' vertices or indices are others than when an [`InstancedBvh`] was last recorded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -245,9 +245,9 @@ impl InstancedBvhBuilder {
     /// of either leaves room to grow.
     ///
     /// # Errors
-    /// [`Error::Limit`] where the device cannot hold or bind as much. Within `Limits::default()` a mesh has at most 2 796 202
-    /// triangles, and all have 11 182 080, as have as many instances as come to 1 398 101; of these, and of nodes, `needed`
-    /// tells the count.
+    /// [`Error::Limit`] where the device cannot hold or bind as much, with how much that is: bytes of a mesh's triangles or of
+    /// the instances, or rows of a texture. Within `Limits::default()` a mesh may have 2 796 202 triangles, all of them
+    /// 11 182 080, and there may be 1 398 101 instances. [`Error::Setting`] beyond 2²⁴ triangles or nodes, on any device.
     pub fn create(&self, device: &Device, geometry: &Geometry<'_>) -> Result<InstancedBvh, Error> {
         let instances = geometry
             .meshes
@@ -291,7 +291,12 @@ impl InstancedBvhBuilder {
             nodes += u64::from(Over::Triangles.most_nodes(own));
             triangles += u64::from(own);
         }
-        check_limit("nodes", MOST_NODES, nodes, "nodes of an InstancedBvh")?;
+        for (count, field) in [
+            (nodes, "nodes of an InstancedBvh"),
+            (triangles, "triangles of an InstancedBvh"),
+        ] {
+            check_setting(count <= MOST, field, count as f64, "up to 2^24")?;
+        }
         let pool = NodePool::new(device, nodes as u32, triangles as u32)?;
         let counters = || {
             storage(
@@ -509,6 +514,16 @@ impl InstancedBvh {
         }
         for (index, (mesh, room)) in meshes.iter().zip(&self.meshes).enumerate() {
             mesh.validate()?;
+            let used = [
+                ("Mesh::vertices", Some(mesh.vertices.buffer)),
+                ("Mesh::indices", mesh.indices.map(|i| i.buffer)),
+                ("Mesh::instances", mesh.instances.map(|i| i.buffer)),
+            ];
+            for (name, buffer) in used {
+                if let Some(buffer) = buffer {
+                    binding::check_own(name, buffer, [&self.counts])?;
+                }
+            }
             if mesh.triangles() > room.triangles {
                 return Err(Error::Mismatch {
                     name: NAME,

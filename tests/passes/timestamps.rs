@@ -3,15 +3,16 @@
 use deep_screen_space::{
     AmbientOcclusion, BouncedDescriptor, BouncedInput, BouncedSettings, Camera, Channels,
     CloudCapacity, ClusterInput, Components, Error, FrameInput, Gatherer, Geometry,
-    HitResolverDescriptor, HitResolverInput, HitResolverSettings, Light, MultiResMaskInput,
-    MultiResMaskSettings, MultiResReconstructor, MultiResReconstructorInput,
-    MultiResReconstructorSettings, ObscuranceInput, ObscuranceSampling, ObscuranceSettings,
-    ObscuranceVolume, Payload, Primitives, ReconstructorInput, ReconstructorSettings,
-    ReflectiveShadowMap, ReflectiveShadowMapInput, Sampling, ScreenSpaceGiInput,
-    ScreenSpaceGiSettings, SgHull, SgHullDescriptor, SgHullInput, SgHullSettings, SgHullSize,
-    ShadowMap, SoftShadowsInput, SoftShadowsSettings, SplatInput, SplatSettings, SurfelShaderInput,
-    SurfelShaderSettings, SurfelizerInput, SurfelizerSettings, TemporalAccumulator, TemporalInput,
-    TemporalSettings, Timestamps, Viewport, VolumetricObscurance, VolumetricObscuranceDescriptor,
+    HitResolverDescriptor, HitResolverInput, HitResolverSettings, InstancedBvhBuilder,
+    InstancedBvhInput, Light, MultiResMaskInput, MultiResMaskSettings, MultiResReconstructor,
+    MultiResReconstructorInput, MultiResReconstructorSettings, ObscuranceInput, ObscuranceSampling,
+    ObscuranceSettings, ObscuranceVolume, Payload, Primitives, ReconstructorInput,
+    ReconstructorSettings, ReflectiveShadowMap, ReflectiveShadowMapInput, Sampling,
+    ScreenSpaceGiInput, ScreenSpaceGiSettings, SgHull, SgHullDescriptor, SgHullInput,
+    SgHullSettings, SgHullSize, ShadowMap, SoftShadowsInput, SoftShadowsSettings, SplatInput,
+    SplatSettings, SurfelShaderInput, SurfelShaderSettings, SurfelizerInput, SurfelizerSettings,
+    TemporalAccumulator, TemporalInput, TemporalSettings, Timestamps, Viewport,
+    VolumetricObscurance, VolumetricObscuranceDescriptor,
     glam::{DVec3, dcamera::rh::proj::directx},
     scenes, wgpu,
 };
@@ -75,7 +76,7 @@ impl Times {
 fn recordings_from_surfels_write_their_times() {
     let gpu = pipelines::gpu();
     let device = &gpu.device;
-    let Some(times) = Times::of(gpu, 10) else {
+    let Some(times) = Times::of(gpu, 11) else {
         return;
     };
     let scene = scenes::cornell();
@@ -229,6 +230,16 @@ fn recordings_from_surfels_write_their_times() {
     reconstructor
         .record(device, &mut encoder, &input, &settings, &scratch)
         .expect("a picture");
+    let builder = InstancedBvhBuilder::new(device).expect("pipelines");
+    let geometry = Geometry { meshes: &meshes };
+    let mut bvh = builder.create(device, &geometry).expect("room");
+    let input = InstancedBvhInput {
+        timestamps: Some(times.stamps(10)),
+        ..InstancedBvhInput::new(geometry, &shot.camera)
+    };
+    builder
+        .record(device, &mut encoder, &input, &mut bvh)
+        .expect("a hierarchy");
     times.check(gpu, encoder);
 }
 

@@ -10,6 +10,7 @@
 mod case;
 mod hull;
 mod inputs;
+mod instances;
 mod random;
 mod rays;
 mod screen;
@@ -196,6 +197,11 @@ fn surfels_splatted() {
 #[test]
 fn surfels_traced() {
     fuzz("surfels_traced", &[], 10, rays::record);
+}
+
+#[test]
+fn instances_traced() {
+    fuzz("instances_traced", &[], 10, instances::record);
 }
 
 #[test]

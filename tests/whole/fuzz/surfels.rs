@@ -16,13 +16,13 @@ use super::{
 };
 
 /// The buffers of a mesh.
-struct Buffers {
+pub struct Buffers {
     vertices: Buffer,
     indices: Buffer,
     instances: Buffer,
 }
 
-fn buffers(case: &mut Case<'_>, camera: &Camera) -> Buffers {
+pub fn buffers(case: &mut Case<'_>, camera: &Camera) -> Buffers {
     let eye = camera.eye().as_vec3().to_array();
     let extent = case.random.one_of(&[1e-3, 1.0, 10.0, 1e4]);
     let points: Vec<f32> = (0..40 * 3)
@@ -47,7 +47,7 @@ fn buffers(case: &mut Case<'_>, camera: &Camera) -> Buffers {
     }
 }
 
-fn mesh<'a>(case: &mut Case<'_>, buffers: &'a Buffers) -> Mesh<'a> {
+pub fn mesh<'a>(case: &mut Case<'_>, buffers: &'a Buffers) -> Mesh<'a> {
     let random = &mut case.random;
     let format = random.one_of(&[
         PositionFormat::Float32x3,
