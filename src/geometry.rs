@@ -249,4 +249,11 @@ impl Geometry<'_> {
             n.saturating_add(m.triangles().saturating_mul(m.instance_count()))
         })
     }
+
+    /// How many instances all meshes have, saturating.
+    pub(crate) fn instances(&self) -> u32 {
+        self.meshes
+            .iter()
+            .fold(0, |n: u32, m| n.saturating_add(m.instance_count()))
+    }
 }

@@ -56,6 +56,11 @@ impl Primitives {
             ),
         }
     }
+
+    /// Whether they are a cloud's surfels.
+    pub(crate) fn are_disks(self) -> bool {
+        matches!(self, Self::Disks { .. })
+    }
 }
 
 /// A bounding volume hierarchy over the primitives of a cloud, which rays traverse. A [`BvhBuilder`] makes it, and records it

@@ -178,6 +178,16 @@ impl InstancedBvh {
         &self.counts
     }
 
+    /// Whether it has room for a geometry.
+    pub(crate) fn has_room(&self, geometry: &Geometry<'_>) -> bool {
+        let meshes = geometry.meshes;
+        let instances: u64 = meshes.iter().map(|m| u64::from(m.instance_count())).sum();
+        let fits = |(mesh, room): (&Mesh<'_>, &MeshRoom)| mesh.triangles() <= room.triangles;
+        meshes.len() == self.meshes.len()
+            && instances <= u64::from(self.instance_capacity)
+            && meshes.iter().zip(&self.meshes).all(fits)
+    }
+
     /// What rays read.
     pub(crate) fn pool(&self) -> &NodePool {
         &self.pool
@@ -249,10 +259,16 @@ impl InstancedBvhBuilder {
     /// the instances, or rows of a texture. Within `Limits::default()` a mesh may have 2 796 202 triangles, all of them
     /// 11 182 080, and there may be 1 398 101 instances. [`Error::Setting`] beyond 2²⁴ triangles or nodes, on any device.
     pub fn create(&self, device: &Device, geometry: &Geometry<'_>) -> Result<InstancedBvh, Error> {
-        let instances = geometry
-            .meshes
-            .iter()
-            .fold(0, |n: u32, mesh| n.saturating_add(mesh.instance_count()));
+        self.create_for(device, geometry, geometry.instances())
+    }
+
+    /// The same for so many instances.
+    pub(crate) fn create_for(
+        &self,
+        device: &Device,
+        geometry: &Geometry<'_>,
+        instances: u32,
+    ) -> Result<InstancedBvh, Error> {
         let limits = device.limits();
         let bytes = limits
             .max_storage_buffer_binding_size

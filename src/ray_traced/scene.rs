@@ -4,13 +4,14 @@ use wgpu::{Buffer, CommandEncoder, Device};
 
 use super::counts::Readback;
 use crate::{
-    bounced_z_buffer::descriptor::HitLighting,
+    bounced_z_buffer::descriptor::{BouncedScene, HitLighting},
     bvh::{Bvh, BvhBuilder, Primitives},
     camera::Camera,
     error::{Error, check_setting},
     geometry::Geometry,
     gpu::Timestamps,
     gpu::compiler::Compiler,
+    instanced_bvh::{ChangedMeshes, InstancedBvh, InstancedBvhBuilder, InstancedBvhInput},
     light::Light,
     surfel::{CloudCapacity, SurfelCloud, SurfelCounts},
     surfelizer::{
@@ -26,13 +27,27 @@ use crate::{
 /// later, where the GPU counted parts of large ones that found none. Nothing is allocated before the first recording.
 #[derive(Debug)]
 pub struct RayTracedScene {
+    primitives: Primitives,
+    levels: Levels,
+    materials: Option<Buffer>,
+    lights: Vec<Light>,
+}
+
+/// How what rays meet is made, and what of it there is.
+#[derive(Debug)]
+enum Levels {
+    One(Box<OneLevel>),
+    Two(Box<InstancedBvhBuilder>, Option<Box<InstancedBvh>>),
+}
+
+/// A hierarchy over the triangles of all instances.
+#[derive(Debug)]
+struct OneLevel {
     surfelizer: Surfelizer,
     builder: BvhBuilder,
     room: Option<Room>,
     readback: Readback,
     counts: Option<SurfelCounts>,
-    materials: Option<Buffer>,
-    lights: Vec<Light>,
 }
 
 #[derive(Debug)]
@@ -53,6 +68,9 @@ pub struct RayTracedSceneInput<'a> {
     /// How far effects look from what is seen, world units: the largest radius of the views' ambient occlusion, and
     /// `f32::INFINITY` for indirect light.
     pub reach: f32,
+    /// With [`Primitives::Instances`] the meshes to be built anew: those whose vertices are others. All are where the number of
+    /// meshes changes, or one has more triangles than before. Of no use otherwise.
+    pub changed: ChangedMeshes<'a>,
     /// What lights the surfaces that rays meet, for views of indirect light.
     pub lighting: Option<HitLighting<'a>>,
     /// Where to write begin and end times of making the triangles, if anywhere.
@@ -67,6 +85,7 @@ impl<'a> RayTracedSceneInput<'a> {
             camera,
             cull_by: &[],
             reach: f32::INFINITY,
+            changed: ChangedMeshes::None,
             lighting: None,
             timestamps: None,
         }
@@ -79,13 +98,39 @@ impl RayTracedScene {
     /// # Errors
     /// [`Error::Limit`] where the device was made with less than that.
     pub fn new<'a>(compiler: impl Into<Compiler<'a>>) -> Result<Self, Error> {
+        Self::with_primitives(compiler, Primitives::default())
+    }
+
+    /// The same for views that are made for other primitives than [`Primitives::Triangles`]: with [`Primitives::Instances`] the
+    /// meshes' triangles, of which [`RayTracedSceneInput::changed`] says which are built. Nothing is culled then.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for [`Primitives::Disks`], as there are no surfels.
+    pub fn with_primitives<'a>(
+        compiler: impl Into<Compiler<'a>>,
+        primitives: Primitives,
+    ) -> Result<Self, Error> {
         let compiler = compiler.into();
+        check_setting(
+            !primitives.are_disks(),
+            "RayTracedScene::with_primitives",
+            f64::from(u8::from(primitives.are_disks())),
+            "primitives that are triangles",
+        )?;
+        let levels = if primitives == Primitives::Instances {
+            Levels::Two(Box::new(InstancedBvhBuilder::new(compiler)?), None)
+        } else {
+            Levels::One(Box::new(OneLevel {
+                surfelizer: Surfelizer::new(compiler)?,
+                builder: BvhBuilder::new(compiler, primitives)?,
+                room: None,
+                readback: Readback::default(),
+                counts: None,
+            }))
+        };
         Ok(Self {
-            surfelizer: Surfelizer::new(compiler)?,
-            builder: BvhBuilder::new(compiler, Primitives::Triangles)?,
-            room: None,
-            readback: Readback::default(),
-            counts: None,
+            primitives,
+            levels,
             materials: None,
             lights: Vec::new(),
         })
@@ -94,7 +139,8 @@ impl RayTracedScene {
     /// Records the scene of a frame.
     ///
     /// # Errors
-    /// What [`Surfelizer::record`] finds of the geometry and the cameras, and [`Light::validate`] of lights; [`Error::Setting`]
+    /// What [`Surfelizer::record`] or [`InstancedBvhBuilder::record`] find of the geometry and the cameras, and
+    /// [`Light::validate`] of lights; [`Error::Setting`]
     /// for the reach; [`Error::Limit`] for more triangles than the device can bind. What was recorded before stays, unless
     /// the room had to grow: then views refuse the scene until it is recorded.
     pub fn record(
@@ -112,6 +158,107 @@ impl RayTracedScene {
         for light in input.lighting.iter().flat_map(|lighting| lighting.lights) {
             light.validate()?;
         }
+        match &mut self.levels {
+            Levels::One(level) => level.record(device, encoder, input)?,
+            Levels::Two(builder, bvh) => {
+                record_instances(builder, device, encoder, input, bvh)?;
+            }
+        }
+        self.materials = input.lighting.map(|lighting| lighting.materials.clone());
+        self.lights.clear();
+        self.lights
+            .extend(input.lighting.iter().flat_map(|lighting| lighting.lights));
+        Ok(())
+    }
+
+    /// What the GPU counted a frame or two ago: triangles, those that are degenerate, and the share of the area that found no
+    /// room. `None` before the first counts arrived, which takes a submission and a poll of the caller's, and with
+    /// [`Primitives::Instances`], whose counts are [`RayTracedScene::instances`]'.
+    pub fn counts(&self) -> Option<SurfelCounts> {
+        match &self.levels {
+            Levels::One(level) => level.counts,
+            Levels::Two(..) => None,
+        }
+    }
+
+    /// With [`Primitives::Instances`] the hierarchy, once it was recorded.
+    pub fn instances(&self) -> Option<&InstancedBvh> {
+        match &self.levels {
+            Levels::One(_) => None,
+            Levels::Two(_, bvh) => bvh.as_deref(),
+        }
+    }
+
+    /// GPU memory that it owns, bytes.
+    pub fn memory_bytes(&self) -> u64 {
+        let bytes = |room: &Room| room.cloud.memory_bytes() + room.bvh.memory_bytes();
+        match &self.levels {
+            Levels::One(level) => level.room.as_ref().map_or(0, bytes),
+            Levels::Two(_, bvh) => bvh.as_ref().map_or(0, |bvh| bvh.memory_bytes()),
+        }
+    }
+
+    /// What it was made for.
+    pub(super) fn primitives(&self) -> Primitives {
+        self.primitives
+    }
+
+    /// What views trace.
+    pub(super) fn traced(&self) -> Option<BouncedScene<'_>> {
+        match &self.levels {
+            Levels::One(level) => level.room.as_ref().map(|room| BouncedScene::Cloud {
+                cloud: &room.cloud,
+                bvh: &room.bvh,
+            }),
+            Levels::Two(_, bvh) => bvh.as_deref().map(BouncedScene::Instances),
+        }
+    }
+
+    /// What lights hits.
+    pub(super) fn lighting(&self) -> Option<HitLighting<'_>> {
+        self.materials.as_ref().map(|materials| HitLighting {
+            materials,
+            lights: &self.lights,
+        })
+    }
+}
+
+/// Records instances, in new room where there is too little.
+fn record_instances(
+    builder: &InstancedBvhBuilder,
+    device: &Device,
+    encoder: &mut CommandEncoder,
+    input: &RayTracedSceneInput<'_>,
+    room: &mut Option<Box<InstancedBvh>>,
+) -> Result<(), Error> {
+    let geometry = &input.geometry;
+    if !room.as_ref().is_some_and(|bvh| bvh.has_room(geometry)) {
+        let instances = geometry.instances();
+        // A quarter more than there are, so that a scene which grows does not build all its meshes each frame.
+        let ample = instances.saturating_add(instances / 4);
+        let made = builder
+            .create_for(device, geometry, ample)
+            .or_else(|_| builder.create(device, geometry))?;
+        *room = Some(Box::new(made));
+    }
+    let Some(bvh) = room else {
+        return Ok(());
+    };
+    let instanced = InstancedBvhInput {
+        changed: input.changed,
+        timestamps: input.timestamps,
+        ..InstancedBvhInput::new(input.geometry, input.camera)
+    };
+    builder.record(device, encoder, &instanced, bvh)
+}
+
+impl OneLevel {
+    fn record(
+        &mut self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        input: &RayTracedSceneInput<'_>,
+    ) -> Result<(), Error> {
         if let Some(counts) = self.readback.take() {
             self.counts = Some(counts);
         }
@@ -137,36 +284,7 @@ impl RayTracedScene {
             .record(device, encoder, &surfelize, &settings, cloud)?;
         self.builder.record(device, encoder, cloud, bvh, None)?;
         self.readback.record(device, encoder, cloud.counters());
-        self.materials = input.lighting.map(|lighting| lighting.materials.clone());
-        self.lights.clear();
-        self.lights
-            .extend(input.lighting.iter().flat_map(|lighting| lighting.lights));
         Ok(())
-    }
-
-    /// What the GPU counted a frame or two ago: triangles, those that are degenerate, and the share of the area that found no
-    /// room. `None` before the first counts arrived, which takes a submission and a poll of the caller's.
-    pub fn counts(&self) -> Option<SurfelCounts> {
-        self.counts
-    }
-
-    /// GPU memory that it owns, bytes.
-    pub fn memory_bytes(&self) -> u64 {
-        let bytes = |room: &Room| room.cloud.memory_bytes() + room.bvh.memory_bytes();
-        self.room.as_ref().map_or(0, bytes)
-    }
-
-    /// What views trace.
-    pub(super) fn traced(&self) -> Option<(&SurfelCloud, &Bvh)> {
-        self.room.as_ref().map(|room| (&room.cloud, &room.bvh))
-    }
-
-    /// What lights hits.
-    pub(super) fn lighting(&self) -> Option<HitLighting<'_>> {
-        self.materials.as_ref().map(|materials| HitLighting {
-            materials,
-            lights: &self.lights,
-        })
     }
 
     /// Replaces the room where it is too small for so many triangles, or was by the last counts.

@@ -13,6 +13,7 @@ use crate::{
         settings::{BouncedSettings, Sampling},
         view::BouncedView,
     },
+    bvh::Primitives,
     camera::{Camera, Viewport},
     effect::Channels,
     error::{Error, check_setting},
@@ -81,6 +82,8 @@ pub struct RayTracedViewDescriptor {
     pub effect: RayTracedEffect,
     /// Rays per pixel, and the filter.
     pub rays: RaySettings,
+    /// What rays meet: what the scene was made for.
+    pub primitives: Primitives,
     /// How frames are joined, if they are: each then has rays of its own, and few are enough.
     pub temporal: Option<TemporalSettings>,
     /// Format of the caller's texture: any colour format of floats that can be rendered to.
@@ -93,6 +96,7 @@ impl RayTracedViewDescriptor {
         Self {
             effect,
             rays: quality.rays(effect.payload()),
+            primitives: Primitives::default(),
             temporal: None,
             target,
         }
@@ -187,6 +191,7 @@ impl RayTracedView {
         let RayTracedViewDescriptor {
             effect,
             rays,
+            primitives,
             temporal,
             target,
         } = *descriptor;
@@ -196,6 +201,7 @@ impl RayTracedView {
         let tracer = BouncedDescriptor {
             payload: effect.payload(),
             sampling: effect.sampling(),
+            primitives,
             ..BouncedDescriptor::default()
         };
         let tracer = BouncedZBuffer::new(compiler, &tracer)?;
@@ -257,11 +263,11 @@ impl RayTracedView {
     /// Records the effect into the caller's texture.
     ///
     /// # Errors
-    /// [`Error::Recording`] where the scene was not recorded; [`Error::Mismatch`] where light is asked for and the scene was
-    /// recorded without lighting, or where the G-buffer lacks the albedo or roughness that the effect needs; what
-    /// [`GBuffer::validate`] finds; [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target; [`Error::Limit`] for
-    /// a viewport beyond the device's. What [`TemporalAccumulator::record`] finds of motion vectors comes after the frame's rays
-    /// were recorded, and leaves the target alone.
+    /// [`Error::Recording`] where the scene was not recorded; [`Error::Mismatch`] where it is of other primitives, where light is
+    /// asked for and the scene was recorded without lighting, or where the G-buffer lacks the albedo or roughness that the effect
+    /// needs; what [`GBuffer::validate`] finds; [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target;
+    /// [`Error::Limit`] for a viewport beyond the device's. What [`TemporalAccumulator::record`] finds of motion vectors comes
+    /// after the frame's rays were recorded, and leaves the target alone.
     pub fn record(
         &mut self,
         device: &Device,
@@ -269,30 +275,31 @@ impl RayTracedView {
         scene: &RayTracedScene,
         input: &RayTracedInput<'_>,
     ) -> Result<(), Error> {
-        let (cloud, bvh) = scene.traced().ok_or_else(|| never("RayTracedScene"))?;
+        let traced = scene.traced().ok_or_else(|| never("RayTracedScene"))?;
+        traced.last()?;
         self.check(scene, input)?;
         self.make_room(device, input.camera)?;
         let Some(room) = &mut self.room else {
             return Ok(());
         };
         let frame = FrameInput {
-            origin: cloud.origin(),
+            origin: traced.origin(),
             ..FrameInput::new(input.gbuffer, input.camera)
         };
         let frame = self
             .decoder
             .record(device, encoder, &frame, &mut room.receivers)?;
         let number = self.temporal.as_ref().map_or(0, |temporal| temporal.frame);
-        let traced = BouncedInput {
+        let rays = BouncedInput {
             radiance: match (self.effect.payload(), scene.lighting()) {
                 (Payload::LitRadiance, Some(lighting)) => HitRadiance::Lit(lighting),
                 _ => HitRadiance::None,
             },
-            ..BouncedInput::new(&frame, cloud, bvh)
+            ..BouncedInput::of(&frame, traced)
         };
         let settings = settings_of(&self.effect, &self.rays, number);
         self.tracer
-            .record(device, encoder, &traced, &settings, &room.hits)?;
+            .record(device, encoder, &rays, &settings, &room.hits)?;
         let resolved = match &room.joined {
             Some((picture, _)) => picture.into(),
             None => input.target,
@@ -335,6 +342,14 @@ impl RayTracedView {
     /// What the passes would find only after others were recorded.
     fn check(&self, scene: &RayTracedScene, input: &RayTracedInput<'_>) -> Result<(), Error> {
         const TARGET: &str = "RayTracedInput::target";
+        let primitives = self.tracer.descriptor().primitives;
+        if scene.primitives() != primitives {
+            return Err(Error::Mismatch {
+                name: "RayTracedScene",
+                found: format!("{:?}", scene.primitives()),
+                needed: format!("{primitives:?}, for RayTracedViewDescriptor::primitives"),
+            });
+        }
         let viewport = input.camera.viewport();
         input.gbuffer.validate(viewport)?;
         match self.effect {

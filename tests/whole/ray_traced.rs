@@ -209,6 +209,58 @@ fn rooms_grow_with_their_scene() {
     assert!(empty <= one && one < traced.memory_bytes());
 }
 
+/// In two levels the same is seen as in one; the room follows the meshes, and views for another kind are refused.
+#[test]
+fn instances_show_the_same() {
+    let gpu = pipelines::gpu();
+    let device = &gpu.device;
+    let cornell = scenes::cornell();
+    let shot = Shot::new(gpu, &cornell, &camera_of(&cornell, 0, [40, 24]));
+    let target = gpu.target(Format::Rgba32Float, 40, 24);
+    let meshes = shot.buffers.meshes();
+    let primitives = Primitives::Instances;
+    let mut one = scene();
+    let mut two = RayTracedScene::with_primitives(device, primitives).expect("pipelines");
+    assert_eq!(two.memory_bytes(), 0);
+    for effect in [OCCLUSION, DIFFUSE] {
+        let mut flat = view_of(effect, Format::Rgba32Float);
+        let descriptor = RayTracedViewDescriptor {
+            primitives,
+            ..RayTracedViewDescriptor::new(effect, Quality::Fast, Format::Rgba32Float)
+        };
+        let mut view = RayTracedView::new(device, &descriptor).expect("pipelines");
+        render(&mut one, &mut flat, &shot, &meshes, &target).expect("a picture");
+        let expected = picture(&target);
+        render(&mut two, &mut view, &shot, &meshes, &target).expect("a picture");
+        // A ray may find another of several hits, or pass an edge on its other side; the filter spreads it.
+        let off = support::errors::rmse(picture(&target).as_flattened(), expected.as_flattened());
+        println!("{effect:?}: {off}");
+        assert!(off < 0.01, "{effect:?}: {off}");
+        let bytes = two.memory_bytes();
+        let twice = [&meshes[..], &meshes[..]].concat();
+        render(&mut two, &mut view, &shot, &twice, &target).expect("a picture");
+        assert!(bytes < two.memory_bytes());
+        render(&mut two, &mut view, &shot, &[], &target).expect("a picture");
+        render(&mut two, &mut view, &shot, &meshes, &target).expect("a picture");
+        assert_eq!(bytes, two.memory_bytes());
+        let counts = two.instances().expect("instances").counts();
+        let counts: Vec<[u32; 2]> = gpu.read_buffer(counts);
+        assert_eq!(counts[0], [meshes.len() as u32, 0]);
+        refused(
+            render(&mut two, &mut flat, &shot, &meshes, &target),
+            "Mismatch",
+            "RayTracedScene",
+            "Triangles",
+        );
+    }
+    refused(
+        RayTracedScene::with_primitives(device, Primitives::Disks { levels: 1 }),
+        "Setting",
+        "RayTracedScene::with_primitives",
+        "triangles",
+    );
+}
+
 /// Frames of few rays come nearer to many than one does.
 #[test]
 fn frames_are_joined() {
