@@ -388,7 +388,7 @@ fn visit_instances(
         let own = node[15] as usize;
         met[own] += 1;
         assert_eq!(node[7], all[own].root);
-        for [low, high] in boxes {
+        for [low, high] in &*boxes {
             for axis in 0..3 {
                 assert!(low[axis] <= f64::from(all[own].low[axis]), "{own}");
                 assert!(high[axis] >= f64::from(all[own].high[axis]), "{own}");

@@ -213,6 +213,8 @@ struct World {
     parts: Vec<Part>,
     buffers: Vec<Buffers>,
     shot: Shot,
+    /// Where it is, if not above what is seen.
+    lamp: Option<DVec3>,
 }
 
 impl World {
@@ -222,6 +224,7 @@ impl World {
         Self {
             buffers: parts.iter().map(Buffers::new).collect(),
             shot: Shot::new(lab().gpu, &scene, camera),
+            lamp: None,
             parts,
         }
     }
@@ -400,7 +403,8 @@ impl World {
             direction: DVec3::new(0.3, -1.0, 0.2),
             irradiance: [1.0, 0.5, 0.25],
         };
-        let at = camera.eye() + DVec3::new(0.1, 0.5, 0.2) * reach;
+        let above = camera.eye() + DVec3::new(0.1, 0.5, 0.2) * reach;
+        let at = self.lamp.unwrap_or(above);
         (vec![sun, lamp(at)], vec![sun, lamp(at - origin)])
     }
 
@@ -584,8 +588,16 @@ fn hits_are_the_mirrors_and_those_of_one_level() {
         1,
     );
     let inside = camera(DVec3::new(0.9, 0.3, 1.5), DVec3::new(0.0, -1.0, -2.0), 1.0);
-    let room = World::new(vec![room], &inside);
+    let mut room = World::new(vec![room], &inside);
     room.compare("room", &settings(16));
+    // On the ceiling, which casts no shadow on the walls below it.
+    for (name, lamp) in [
+        ("lamp", DVec3::new(0.7, 3.2, 0.1)),
+        ("lamp in a corner", DVec3::new(-2.3, 3.2, -2.9)),
+    ] {
+        room.lamp = Some(lamp);
+        room.compare(name, &settings(16));
+    }
     let bvh = room.built();
     let bits = room.blocked(&bvh, &settings(16));
     let open: u32 = bits.iter().map(|word| 16 - word.count_ones()).sum();
@@ -677,6 +689,7 @@ fn what_changed_is_built() {
     deformed.record(&mut bvh, ChangedMeshes::None);
     assert_eq!(moved, {
         let unchanged = World {
+            lamp: None,
             parts: deformed.parts.clone(),
             buffers: deformed.parts.iter().map(Buffers::new).collect(),
             shot: Shot::new(
@@ -768,6 +781,7 @@ fn what_cannot_be_met_is_left_out_and_counted() {
     let nothing = vec![Part::new(tree(5), Some(vec![Mat4::ZERO; 70]), 1)];
     for parts in [vec![], nothing] {
         let world = World {
+            lamp: None,
             buffers: parts.iter().map(Buffers::new).collect(),
             parts,
             shot: Shot::new(
