@@ -1,7 +1,10 @@
 //! The `InstancedBvh`: hits of two levels against the f64 mirror and against those of one level, what is built anew, what is left
 //! out, and typed errors.
 
-use std::sync::LazyLock;
+use std::{
+    f64::consts::{FRAC_PI_2, PI, TAU},
+    sync::LazyLock,
+};
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedScene, BouncedSettings, BouncedView, BouncedZBuffer,
@@ -9,7 +12,7 @@ use deep_screen_space::{
     InstancedBvh, InstancedBvhBuilder, InstancedBvhInput, InstancedCounts, Instances, Light,
     Material, Mesh, Payload, PositionFormat, Primitives, Sampling, TransformFormat, Vertices,
     Viewport,
-    glam::{DMat4, DQuat, DVec3, EulerRot, Mat4},
+    glam::{DMat4, DQuat, DVec3, EulerRot, Mat4, Vec4},
     reference::{
         bounced_z_buffer::Tracing,
         hashing::{hash2, unit_float},
@@ -91,7 +94,7 @@ impl Part {
         let at = |m: DMat4| move |t: &[DVec3; 3]| t.map(|p| m.transform_point3(p));
         self.matrices()
             .into_iter()
-            .filter(|m| m.is_finite())
+            .filter(DMat4::is_finite)
             .flat_map(|m| given.iter().map(at(m)).collect::<Vec<_>>())
             .collect()
     }
@@ -140,7 +143,7 @@ impl Buffers {
                 let mut words = vec![0.0; ODD_OFFSET as usize / 4];
                 for m in transforms {
                     let rows = [m.row(0), m.row(1), m.row(2)];
-                    words.extend(rows.iter().flat_map(|row| row.to_array()));
+                    words.extend(rows.iter().flat_map(Vec4::to_array));
                     words.extend([0.0; ODD_STRIDE as usize / 4 - 12]);
                 }
                 words
@@ -202,7 +205,7 @@ impl Buffers {
 
 /// Buffers may not be empty.
 fn padded<T: Default>(mut all: Vec<T>, least: usize) -> Vec<T> {
-    while all.len() < least || all.len() * size_of::<T>() % 4 != 0 {
+    while all.len() < least || !(all.len() * size_of::<T>()).is_multiple_of(4) {
         all.push(T::default());
     }
     all
@@ -472,7 +475,7 @@ fn cuboid(low: DVec3, high: DVec3) -> Vec<[DVec3; 3]> {
 fn tree(sides: usize) -> Vec<[DVec3; 3]> {
     let mut all = cuboid(DVec3::new(-0.03, 0.0, -0.03), DVec3::new(0.03, 0.35, 0.03));
     let rim = |i: usize| {
-        let angle = std::f64::consts::TAU * i as f64 / sides as f64;
+        let angle = TAU * i as f64 / sides as f64;
         DVec3::new(0.3 * angle.cos(), 0.3, 0.3 * angle.sin())
     };
     for i in 0..sides {
@@ -497,7 +500,7 @@ fn scattered(count: usize, side: f64, stretch: f64, seed: u32) -> Vec<Mat4> {
         .map(|i| {
             let draw = |salt| random(i, salt + seed);
             let turn =
-                DQuat::from_euler(EulerRot::YXZ, 6.28 * draw(1), 0.3 * draw(2), 0.3 * draw(3));
+                DQuat::from_euler(EulerRot::YXZ, TAU * draw(1), 0.3 * draw(2), 0.3 * draw(3));
             let mut scale = DVec3::splat(0.7 + 0.6 * draw(4));
             scale[i % 3] *= stretch.powf(draw(5) - 0.5);
             if i % 3 == 1 {
@@ -573,11 +576,11 @@ fn hits_are_the_mirrors_and_those_of_one_level() {
     let wall: Vec<_> = quad(DVec3::new(-1.0, -1.0, -1.0), DVec3::X * 2.0, DVec3::Y * 2.0).into();
     let walls = [
         DQuat::IDENTITY,
-        DQuat::from_rotation_y(1.570_796),
-        DQuat::from_rotation_y(3.141_593),
-        DQuat::from_rotation_y(-1.570_796),
-        DQuat::from_rotation_x(1.570_796),
-        DQuat::from_rotation_x(-1.570_796),
+        DQuat::from_rotation_y(FRAC_PI_2),
+        DQuat::from_rotation_y(PI),
+        DQuat::from_rotation_y(-FRAC_PI_2),
+        DQuat::from_rotation_x(FRAC_PI_2),
+        DQuat::from_rotation_x(-FRAC_PI_2),
     ];
     let at = |turn: &DQuat| {
         DMat4::from_scale_rotation_translation(
