@@ -64,12 +64,21 @@ pub struct BouncedDescriptor {
     pub sampling: Sampling,
     /// Whether to count into [`BouncedView::statistics`](crate::BouncedView::statistics). Slower; for measuring.
     pub statistics: bool,
+    /// Whether pixels may have different numbers of rays: those of [`BouncedInput::pixels`](crate::BouncedInput::pixels) alone, and
+    /// with [`Sampling::Cosine`] further ones where a [`RayBudget`](crate::RayBudget) puts them. Views then take 8 bytes per pixel
+    /// more, and 16 with radiance.
+    pub counted: bool,
 }
 
 impl BouncedDescriptor {
     /// Whether hits are lit where they are.
     pub(crate) fn lit(&self) -> bool {
         self.payload == Payload::LitRadiance
+    }
+
+    /// Whether pixels may have further rays: their sums are kept, of which only cosine sampling's are what arrives.
+    pub(crate) fn takes_more(&self) -> bool {
+        self.counted && self.sampling == Sampling::Cosine
     }
 
     pub(crate) fn flags(&self) -> Vec<&'static str> {
@@ -81,6 +90,7 @@ impl BouncedDescriptor {
         }
         flags.extend(self.statistics.then_some("STATISTICS"));
         flags.extend((self.sampling == Sampling::Glossy).then_some("GLOSSY"));
+        flags.extend(self.counted.then_some("COUNTED"));
         flags
     }
 }
