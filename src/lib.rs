@@ -103,6 +103,7 @@ mod mesh_binding;
 mod multi_res_mask;
 mod multi_res_reconstructor;
 mod overrides;
+mod ray_budget;
 mod ray_traced;
 mod receivers;
 mod reconstructor;
@@ -162,6 +163,7 @@ pub use multi_res_reconstructor::{
     MultiResReconstructor, MultiResReconstructorInput, SubImages,
     settings::MultiResReconstructorSettings,
 };
+pub use ray_budget::{RayBudget, RayBudgetInput, settings::RayBudgetSettings, view::RayBudgetView};
 pub use ray_traced::{
     quality::{Quality, RaySettings, SplatQuality},
     scene::{RayTracedScene, RayTracedSceneInput},

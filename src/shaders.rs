@@ -5,9 +5,9 @@ use crate::{
     effect::{Effect, Listing},
     error::Error,
     gpu::{listing::Shader, scan, sort},
-    hit_resolver, instanced_bvh, multi_res_mask, multi_res_reconstructor, receivers, reconstructor,
-    reflective_shadow_map, screen_space_gi, sg_hull, shell_splatter, soft_shadows, surfel_shader,
-    surfelizer, temporal_accumulator, volumetric_obscurance,
+    hit_resolver, instanced_bvh, multi_res_mask, multi_res_reconstructor, ray_budget, receivers,
+    reconstructor, reflective_shadow_map, screen_space_gi, sg_hull, shell_splatter, soft_shadows,
+    surfel_shader, surfelizer, temporal_accumulator, volumetric_obscurance,
 };
 
 /// How a pass adds its modules to the listing.
@@ -26,6 +26,7 @@ const PASSES: &[List] = &[
     instanced_bvh::list,
     bounced_z_buffer::list,
     hit_resolver::list,
+    ray_budget::list,
     temporal_accumulator::list,
     multi_res_mask::list,
     multi_res_reconstructor::list,

@@ -92,6 +92,14 @@ impl<'a> BouncedScene<'a> {
         }
     }
 
+    /// [`Error::Recording`] for `name` where it was not recorded from this, since this was.
+    pub(crate) fn check_source(&self, name: &'static str, stamp: &Stamp) -> Result<(), Error> {
+        match self {
+            Self::Cloud { cloud, .. } => cloud.check_source(name, stamp),
+            Self::Instances(bvh) => bvh.check_source(name, stamp),
+        }
+    }
+
     /// The cloud and its hierarchy.
     pub(crate) fn cloud(&self) -> Result<(&'a SurfelCloud, &'a Bvh), Error> {
         match self {
@@ -128,12 +136,21 @@ pub struct BouncedDescriptor {
     pub sampling: Sampling,
     /// Whether to count into [`BouncedView::statistics`](crate::BouncedView::statistics). Slower; for measuring.
     pub statistics: bool,
+    /// Whether pixels may have different numbers of rays: those of [`BouncedInput::pixels`](crate::BouncedInput::pixels) alone, and
+    /// with [`Sampling::Cosine`] further ones where a [`RayBudget`](crate::RayBudget) puts them. Views then take 8 bytes per pixel
+    /// more, and 16 with radiance.
+    pub counted: bool,
 }
 
 impl BouncedDescriptor {
     /// Whether hits are lit where they are.
     pub(crate) fn lit(&self) -> bool {
         self.payload == Payload::LitRadiance
+    }
+
+    /// Whether pixels may have further rays: their sums are kept, of which only cosine sampling's are what arrives.
+    pub(crate) fn takes_more(&self) -> bool {
+        self.counted && self.sampling == Sampling::Cosine
     }
 
     pub(crate) fn flags(&self) -> Vec<&'static str> {
@@ -146,6 +163,7 @@ impl BouncedDescriptor {
         }
         flags.extend(self.statistics.then_some("STATISTICS"));
         flags.extend((self.sampling == Sampling::Glossy).then_some("GLOSSY"));
+        flags.extend(self.counted.then_some("COUNTED"));
         flags
     }
 }

@@ -6,18 +6,18 @@ pub(crate) mod settings;
 pub(crate) mod view;
 
 use wgpu::{
-    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, TextureFormat,
+    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, TextureFormat, TextureView,
     TextureViewDimension,
 };
 
 use self::{
     descriptor::{BouncedDescriptor, BouncedScene, HitLighting, HitRadiance, Payload},
-    params::{BouncedParams, DiskParams, LightsParams, MAX_LIGHTS},
+    params::{BouncedParams, DiskParams, LightsParams, MAX_LIGHTS, pixel_rays_bytes},
     settings::{BouncedSettings, MAX_RAYS_PER_PIXEL, Sampling},
     view::{BouncedView, Hits, Traced},
 };
 use crate::{
-    bvh::{Bvh, Primitives},
+    bvh::{Bvh, Primitives, disks::DiskBounds},
     effect::Listing,
     error::{Error, check_setting},
     geometry::Material,
@@ -25,15 +25,18 @@ use crate::{
     gpu::listing::name_of,
     gpu::{
         Kernel, Timestamps,
-        binding::{self, Kept, Layout, Resource, whole},
+        binding::{self, Kept, Layout, Named, Resource, whole},
         check_timestamps, compute_pass, shader, storage,
-        uniforms::{Parameters, Uniforms},
+        uniforms::{Parameters, Place, Uniforms},
     },
+    ray_budget::view::RayBudgetView,
     receivers::{Frame, check_view_size, plane},
     recorded::Last,
     surfel::Placement,
     surfel::SurfelCloud,
     surfel_shader::radiance_bytes,
+    texture_slice::TextureSlice,
+    work::PixelList,
 };
 
 const SOURCE: &str = include_str!("../../wgsl/bounced_z_buffer.wgsl");
@@ -51,6 +54,38 @@ pub struct BouncedZBuffer {
     layout: Layout,
     uniforms: Uniforms,
     trace: ComputePipeline,
+    /// Where rays are counted: for listed pixels, and for further rays.
+    listed: Option<(Layout, ComputePipeline)>,
+    more: Option<(Layout, ComputePipeline)>,
+}
+
+/// Which pixels a kernel takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    /// All.
+    All,
+    /// Those of a [`PixelList`].
+    Listed,
+    /// Those that a [`RayBudgetView`] lists, for further rays.
+    More,
+}
+
+impl Stage {
+    fn flag(self) -> Option<&'static str> {
+        match self {
+            Self::All => None,
+            Self::Listed => Some("LIST"),
+            Self::More => Some("MORE"),
+        }
+    }
+
+    fn entry(self) -> &'static str {
+        match self {
+            Self::All => "trace",
+            Self::Listed => "trace_listed",
+            Self::More => "trace_more",
+        }
+    }
 }
 
 /// What one recording of the [`BouncedZBuffer`] works on.
@@ -63,12 +98,17 @@ pub struct BouncedInput<'a> {
     pub scene: BouncedScene<'a>,
     /// Where the radiance of hits comes from, as the [`Payload`] asks.
     pub radiance: HitRadiance<'a>,
+    /// The pixels that are to have rays, if not all are, for a view whose rays are counted: those of any number of sub-images,
+    /// such as [`MultiResView::works`](crate::MultiResView::works) gives. A pixel that several list is traced once. The
+    /// [`HitResolver`](crate::HitResolver) takes the others' light from the neighbours, so that its window has to reach
+    /// listed ones. Not of use to [`BouncedZBuffer::record_more`].
+    pub pixels: Option<&'a [PixelList<'a>]>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
 
 impl<'a> BouncedInput<'a> {
-    /// Among a cloud's pieces or surfels, for [`Payload::Occlusion`], without timestamps.
+    /// Among a cloud's pieces or surfels, for [`Payload::Occlusion`] at all pixels, without timestamps.
     pub fn new(frame: &'a Frame<'a>, cloud: &'a SurfelCloud, bvh: &'a Bvh) -> Self {
         Self::of(frame, BouncedScene::Cloud { cloud, bvh })
     }
@@ -79,9 +119,28 @@ impl<'a> BouncedInput<'a> {
             frame,
             scene,
             radiance: HitRadiance::None,
+            pixels: None,
             timestamps: None,
         }
     }
+}
+
+/// What one recording traces.
+#[derive(Clone, Copy)]
+enum Work<'a> {
+    All,
+    Lists(&'a [PixelList<'a>]),
+    More(&'a RayBudgetView),
+}
+
+/// What rays read, checked.
+struct Checked<'a> {
+    radiance: Option<Resource<'a>>,
+    lighting: Option<HitLighting<'a>>,
+    roughness: Option<TextureSlice<'a>>,
+    nodes: &'a TextureView,
+    primitives: Vec<Named<'a>>,
+    disks: Option<&'a DiskBounds>,
 }
 
 impl BouncedZBuffer {
@@ -106,21 +165,29 @@ impl BouncedZBuffer {
             f64::from(u8::from(descriptor.primitives != Primitives::Triangles)),
             "Primitives::Triangles, or Instances without Payload::Radiance, or Disks without Payload::LitRadiance",
         )?;
-        let module = shader::create(device, LABEL, source(descriptor)?);
-        let layout = module.layout(device, &["trace"]);
-        let trace = Kernel {
-            label: LABEL,
-            module: &module,
-            entry: "trace",
-            layouts: &[&layout.raw],
-            constants: &[("SAMPLING", f64::from(descriptor.sampling.code()))],
-            cache,
-        }
-        .create(device);
+        let kernel = |stage: Stage| -> Result<_, Error> {
+            let module = shader::create(device, LABEL, source(descriptor, stage)?);
+            let layout = module.layout(device, &[stage.entry()]);
+            let pipeline = Kernel {
+                label: LABEL,
+                module: &module,
+                entry: stage.entry(),
+                layouts: &[&layout.raw],
+                constants: &[("SAMPLING", f64::from(descriptor.sampling.code()))],
+                cache,
+            }
+            .create(device);
+            Ok((layout, pipeline))
+        };
+        let (layout, trace) = kernel(Stage::All)?;
+        let listed = descriptor.counted.then(|| kernel(Stage::Listed));
+        let more = descriptor.takes_more().then(|| kernel(Stage::More));
         Ok(Self {
             descriptor: *descriptor,
             layout,
             trace,
+            listed: listed.transpose()?,
+            more: more.transpose()?,
             uniforms: Uniforms::new(LABEL),
         })
     }
@@ -177,6 +244,15 @@ impl BouncedZBuffer {
             .statistics
             .then(|| storage(device, "deep-screen-space hit statistics", 24, usage))
             .transpose()?;
+        let counts = self
+            .descriptor
+            .counted
+            .then(|| {
+                let bytes = pixel_rays_bytes(self.descriptor.payload);
+                let bytes = bytes * u64::from(width) * u64::from(height);
+                storage(device, "deep-screen-space rays of pixels", bytes, usage)
+            })
+            .transpose()?;
         Ok(BouncedView {
             size,
             hits,
@@ -184,8 +260,9 @@ impl BouncedZBuffer {
             descriptor: self.descriptor,
             rays_per_pixel,
             statistics,
+            counts,
             recorded: Last::default(),
-            kept: Kept::default(),
+            kept: [Kept::default(), Kept::default()],
         })
     }
 
@@ -195,8 +272,9 @@ impl BouncedZBuffer {
     /// What [`BouncedSettings::validate`] and, for lights, [`Light::validate`](crate::Light::validate) find; [`Error::Mismatch`]
     /// where the frame has another origin than the scene, the scene is none of these primitives, the view was made for another
     /// descriptor or size or for fewer rays, the hierarchy for another cloud's capacity, the radiance is none that the payload
-    /// takes, or the G-buffer lacks the roughness that glossy rays need; [`Error::Recording`] where the hierarchy was not
-    /// recorded, or not from this cloud since that was; [`Error::Buffer`] for radiance that is too small, or for materials;
+    /// takes, the G-buffer lacks the roughness that glossy rays need, or pixels are listed and rays not counted;
+    /// [`Error::Recording`] where the hierarchy was not recorded, or not from this cloud since that was; [`Error::Buffer`] for
+    /// radiance that is too small, for materials, or for lists;
     /// [`Error::Setting`] for too many lights, and where radiance of pieces is asked for and the surfels are not leaves of them
     /// ([`Placement::Grid`] and [`Placement::Random`]).
     pub fn record(
@@ -207,6 +285,94 @@ impl BouncedZBuffer {
         settings: &BouncedSettings,
         view: &BouncedView,
     ) -> Result<(), Error> {
+        let checked = self.check(device, input, settings, view)?;
+        if let Some(lists) = input.pixels {
+            if !self.descriptor.counted {
+                return Err(Error::Mismatch {
+                    name: "BouncedInput::pixels",
+                    found: "rays that are not counted".into(),
+                    needed: "BouncedDescriptor::counted".into(),
+                });
+            }
+            for list in lists {
+                list.check(device, input.frame.viewport())?;
+            }
+        }
+        view.recorded.set(Traced {
+            settings: *settings,
+            place: input.frame.place(),
+            of: input.scene.last()?,
+            more: false,
+        });
+        let bits = match &view.hits {
+            Hits::Bits(buffer) => Some(buffer),
+            Hits::Colors(_) => None,
+        };
+        let cleared = [
+            view.statistics.as_ref(),
+            view.counts.as_ref(),
+            Some(&view.nearness),
+            bits,
+        ];
+        for buffer in cleared.into_iter().flatten() {
+            encoder.clear_buffer(buffer, 0, None);
+        }
+        let work = input.pixels.map_or(Work::All, Work::Lists);
+        self.trace(device, encoder, (input, &checked), settings, view, work);
+        Ok(())
+    }
+
+    /// Records further rays of the pixels that a budget gives some, for a view that was recorded with these settings. They are
+    /// drawn between those that there are.
+    ///
+    /// # Errors
+    /// As [`BouncedZBuffer::record`]; [`Error::Recording`] where the view was not recorded from this frame and cloud, or the budget
+    /// not for this frame; [`Error::Mismatch`] where the view was recorded with other settings, the budget is of another size, or
+    /// directions are not [`Sampling::Cosine`].
+    pub fn record_more(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        input: &BouncedInput<'_>,
+        settings: &BouncedSettings,
+        (view, budget): (&BouncedView, &RayBudgetView),
+    ) -> Result<(), Error> {
+        let checked = self.check(device, input, settings, view)?;
+        if !self.descriptor.takes_more() {
+            return Err(Error::Mismatch {
+                name: "RayBudgetView",
+                found: format!("{:?}", self.descriptor),
+                needed: "BouncedDescriptor::counted, and Sampling::Cosine".into(),
+            });
+        }
+        let before = view.recorded.get("BouncedView")?;
+        input.scene.check_source("BouncedView", &before.of)?;
+        input.frame.check_place("BouncedView", &before.place)?;
+        if before.settings != *settings {
+            return Err(Error::Mismatch {
+                name: "BouncedSettings",
+                found: format!("{settings:?}"),
+                needed: format!("{:?}, as the view was recorded with", before.settings),
+            });
+        }
+        budget.check(view)?;
+        view.recorded.set(Traced {
+            more: true,
+            ..before
+        });
+        let work = Work::More(budget);
+        self.trace(device, encoder, (input, &checked), settings, view, work);
+        Ok(())
+    }
+
+    /// All that may be refused, and what rays read.
+    fn check<'a>(
+        &self,
+        device: &Device,
+        input: &BouncedInput<'a>,
+        settings: &BouncedSettings,
+        view: &BouncedView,
+    ) -> Result<Checked<'a>, Error> {
         settings.validate()?;
         check_timestamps(input.timestamps)?;
         let frame = input.frame;
@@ -217,9 +383,7 @@ impl BouncedZBuffer {
             Sampling::Glossy => Some(frame.gbuffer.roughness_for("Sampling::Glossy")?),
             Sampling::Cosine | Sampling::Uniform => None,
         };
-        let mut parameters = Parameters::new(device);
-        let mut disks = None;
-        let (nodes, primitives) = match self.descriptor.primitives {
+        let (nodes, primitives, disks) = match self.descriptor.primitives {
             Primitives::Triangles => {
                 let (cloud, bvh) = input.scene.cloud()?;
                 let bounds = bvh.triangles(cloud)?;
@@ -233,68 +397,101 @@ impl BouncedZBuffer {
                         ("surfel_offsets", whole(&cloud.piece_offsets.values)),
                     ]);
                 }
-                (bounds.nodes(), primitives)
+                (bounds.nodes(), primitives, None)
             }
             Primitives::Instances => {
                 let pool = input.scene.instances()?.pool();
                 let primitives = vec![("triangles", binding::view(&pool.triangles))];
-                (&pool.nodes, primitives)
+                (&pool.nodes, primitives, None)
             }
             Primitives::Disks { levels } => {
                 let (cloud, bvh) = input.scene.cloud()?;
                 let bounds = bvh.disks(cloud, levels)?;
-                disks = Some(parameters.add(&DiskParams::new(&settings.disks, bounds)));
                 let primitives = vec![
                     ("counters", whole(&cloud.counters)),
                     ("surfels", whole(&cloud.surfels)),
                     ("sources", whole(&cloud.sources)),
                 ];
-                (&bounds.nodes, primitives)
+                (&bounds.nodes, primitives, Some(bounds))
             }
         };
+        frame.check_origin(input.scene.origin())?;
+        input.scene.last()?;
+        Ok(Checked {
+            radiance,
+            lighting,
+            roughness,
+            nodes,
+            primitives,
+            disks,
+        })
+    }
 
-        let origin = input.scene.origin();
-        frame.check_origin(origin)?;
-        let of = input.scene.last()?;
-        let surfels = input
-            .scene
-            .cloud()
-            .map_or(0, |(cloud, _)| cloud.capacity.surfels);
-        view.recorded.set(Traced {
-            settings: *settings,
-            place: frame.place(),
-            of,
-        });
-        if let Some(statistics) = &view.statistics {
-            encoder.clear_buffer(statistics, 0, None);
-        }
-        if let Hits::Bits(buffer) = &view.hits {
-            encoder.clear_buffer(buffer, 0, None);
-        }
-        encoder.clear_buffer(&view.nearness, 0, None);
-        let params = parameters.add(&BouncedParams::new(settings, view.size(), surfels));
+    fn trace(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        (input, checked): (&BouncedInput<'_>, &Checked<'_>),
+        settings: &BouncedSettings,
+        view: &BouncedView,
+        work: Work<'_>,
+    ) {
+        let frame = input.frame;
+        let cloud = input.scene.cloud();
+        let surfels = cloud.map_or(0, |(cloud, _)| cloud.capacity.surfels);
+        let mut parameters = Parameters::new(device);
+        let level = |level| BouncedParams {
+            level,
+            ..BouncedParams::new(settings, view.size(), surfels)
+        };
+        let params: Vec<_> = match work {
+            Work::Lists(lists) => lists
+                .iter()
+                .map(|list| parameters.add(&level(list.level)))
+                .collect(),
+            _ => vec![parameters.add(&level(0))],
+        };
+        let disks = checked
+            .disks
+            .map(|bounds| parameters.add(&DiskParams::new(&settings.disks, bounds)));
         let camera = parameters.add(&frame.camera.params(frame.origin));
-        let lights =
-            lighting.map(|lighting| parameters.add(&LightsParams::new(lighting.lights, origin)));
+        let origin = input.scene.origin();
+        let lights = checked
+            .lighting
+            .map(|lighting| parameters.add(&LightsParams::new(lighting.lights, origin)));
         let parameters = self.uniforms.upload(device, encoder, &parameters);
         let mut resources = vec![
-            ("params", parameters.at(params)),
-            ("nodes", binding::view(nodes)),
+            ("nodes", binding::view(checked.nodes)),
             ("receivers", binding::view(&frame.receivers.view)),
             ("nearness", whole(&view.nearness)),
             ("camera", parameters.at(camera)),
         ];
-        resources.extend(primitives);
+        resources.extend(checked.primitives.iter().cloned());
         resources.extend(disks.map(|disks| ("disks", parameters.at(disks))));
-        resources.push((
-            "hits",
-            match &view.hits {
-                Hits::Bits(buffer) => whole(buffer),
-                Hits::Colors(colors) => binding::view(colors),
-            },
-        ));
+        let own = match work {
+            Work::All => None,
+            Work::Lists(_) => self.listed.as_ref(),
+            Work::More(_) => self.more.as_ref(),
+        };
+        let (layout, pipeline) = match own {
+            Some((layout, pipeline)) => (layout, pipeline),
+            None => (&self.layout, &self.trace),
+        };
+        let is_more = matches!(work, Work::More(_));
+        // Further rays leave single hits alone.
+        if !is_more {
+            resources.push((
+                "hits",
+                match &view.hits {
+                    Hits::Bits(buffer) => whole(buffer),
+                    Hits::Colors(colors) => binding::view(colors),
+                },
+            ));
+        }
+        resources.extend(view.counts.as_ref().map(|counts| ("counts", whole(counts))));
+        let radiance = checked.radiance.clone();
         resources.extend(radiance.map(|radiance| ("radiance", radiance)));
-        if let (Some(lighting), Some(lights)) = (&lighting, lights) {
+        if let (Some(lighting), Some(lights)) = (&checked.lighting, lights) {
             resources.extend([
                 ("lights", parameters.at(lights)),
                 ("materials", binding::table::<Material>(lighting.materials)),
@@ -302,12 +499,33 @@ impl BouncedZBuffer {
         }
         let statistics = view.statistics.as_ref();
         resources.extend(statistics.map(|counts| ("statistics", whole(counts))));
-        let roughness = roughness.map(|slice| slice.read());
-        let group = if let Some(roughness) = &roughness {
-            resources.push(("roughness_texture", binding::view(roughness)));
-            self.layout.group(device, &resources)
-        } else {
-            view.kept.groups(device).next(&self.layout, &resources)
+        let roughness = checked.roughness.map(|slice| slice.read());
+        resources.extend(
+            roughness
+                .iter()
+                .map(|roughness| ("roughness_texture", binding::view(roughness))),
+        );
+        let mut kept = view.kept[usize::from(is_more)].groups(device);
+        let mut group = |params: Place, list: Option<Resource<'_>>| {
+            let mut resources = resources.clone();
+            resources.push(("params", parameters.at(params)));
+            let is_callers = roughness.is_some() || matches!(work, Work::Lists(_));
+            resources.extend(list.map(|list| ("work", list)));
+            if is_callers {
+                layout.group(device, &resources)
+            } else {
+                kept.next(layout, &resources)
+            }
+        };
+        let viewport = frame.viewport();
+        let groups: Vec<_> = match work {
+            Work::All => vec![group(params[0], None)],
+            Work::More(budget) => vec![group(params[0], Some(whole(budget.pixels())))],
+            Work::Lists(lists) => lists
+                .iter()
+                .zip(&params)
+                .map(|(list, params)| group(*params, Some(list.list(viewport))))
+                .collect(),
         };
         let mut pass = compute_pass(encoder, LABEL, input.timestamps);
         // Bits were cleared; a layer of colours cannot be, and without directions gets one that meets nothing.
@@ -315,13 +533,21 @@ impl BouncedZBuffer {
             Hits::Bits(_) => settings.rays_per_pixel,
             Hits::Colors(_) => settings.rays_per_pixel.max(1),
         };
-        if layers > 0 {
-            let [width, height] = view.size();
-            pass.set_pipeline(&self.trace);
-            pass.set_bind_group(0, &group.raw, &group.offsets);
-            pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), layers);
+        if layers == 0 {
+            return;
         }
-        Ok(())
+        pass.set_pipeline(pipeline);
+        for (i, group) in groups.iter().enumerate() {
+            pass.set_bind_group(0, &group.raw, &group.offsets);
+            match work {
+                Work::All => {
+                    let [width, height] = view.size();
+                    pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), layers);
+                }
+                Work::Lists(lists) => pass.dispatch_workgroups_indirect(lists[i].dispatch, 0),
+                Work::More(budget) => pass.dispatch_workgroups_indirect(budget.dispatch(), 0),
+            }
+        }
     }
 
     fn check_view(
@@ -441,44 +667,68 @@ pub(crate) fn words(rays_per_pixel: u32) -> u32 {
     rays_per_pixel.div_ceil(32)
 }
 
-/// Assembles the module.
-fn source(descriptor: &BouncedDescriptor) -> Result<String, Error> {
-    shader::assemble("bounced_z_buffer", SOURCE, &descriptor.flags(), &[])
+/// Assembles the module of a stage.
+fn source(descriptor: &BouncedDescriptor, stage: Stage) -> Result<String, Error> {
+    let mut flags = descriptor.flags();
+    flags.extend(stage.flag());
+    shader::assemble("bounced_z_buffer", SOURCE, &flags, &[])
 }
 
 /// Every module of the pass.
 pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
-    for payload in [Payload::Occlusion, Payload::Radiance, Payload::LitRadiance] {
-        let disks = Primitives::Disks { levels: 1 };
-        for primitives in [Primitives::Triangles, disks, Primitives::Instances] {
+    let payloads = [Payload::Occlusion, Payload::Radiance, Payload::LitRadiance];
+    let disks = Primitives::Disks { levels: 1 };
+    let of_all_kinds = [Primitives::Triangles, disks, Primitives::Instances];
+    let switches = [false, true];
+    for payload in payloads {
+        for primitives in of_all_kinds {
             for sampling in [Sampling::Cosine, Sampling::Glossy] {
-                for statistics in [false, true] {
-                    let descriptor = BouncedDescriptor {
-                        payload,
-                        primitives,
-                        sampling,
-                        statistics,
-                    };
-                    if !is_possible(&descriptor) {
-                        continue;
+                for statistics in switches {
+                    for counted in switches {
+                        let descriptor = BouncedDescriptor {
+                            payload,
+                            primitives,
+                            sampling,
+                            statistics,
+                            counted,
+                        };
+                        if !is_possible(&descriptor) {
+                            continue;
+                        }
+                        list_stages(all, &descriptor)?;
                     }
-                    let name = name_of(
-                        match payload {
-                            Payload::Occlusion => "bounced_z_buffer occlusion",
-                            Payload::Radiance | Payload::LitRadiance => "bounced_z_buffer radiance",
-                        },
-                        &[
-                            (descriptor.lit(), "lit"),
-                            (primitives == disks, "disks"),
-                            (primitives == Primitives::Instances, "instances"),
-                            (sampling == Sampling::Glossy, "glossy"),
-                            (statistics, "statistics"),
-                        ],
-                    );
-                    all.add(&name, source(&descriptor)?);
                 }
             }
         }
+    }
+    Ok(())
+}
+
+/// The modules of one descriptor.
+fn list_stages(all: &mut Listing<'_>, descriptor: &BouncedDescriptor) -> Result<(), Error> {
+    let stages = [
+        (true, Stage::All),
+        (descriptor.counted, Stage::Listed),
+        (descriptor.takes_more(), Stage::More),
+    ];
+    for (_, stage) in stages.into_iter().filter(|(is_made, _)| *is_made) {
+        let name = name_of(
+            match descriptor.payload {
+                Payload::Occlusion => "bounced_z_buffer occlusion",
+                Payload::Radiance | Payload::LitRadiance => "bounced_z_buffer radiance",
+            },
+            &[
+                (descriptor.lit(), "lit"),
+                (descriptor.primitives.are_disks(), "disks"),
+                (descriptor.primitives == Primitives::Instances, "instances"),
+                (descriptor.sampling == Sampling::Glossy, "glossy"),
+                (descriptor.statistics, "statistics"),
+                (descriptor.counted && stage == Stage::All, "counted"),
+                (stage == Stage::Listed, "list"),
+                (stage == Stage::More, "more"),
+            ],
+        );
+        all.add(&name, source(descriptor, stage)?);
     }
     Ok(())
 }

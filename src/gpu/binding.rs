@@ -263,6 +263,11 @@ pub(crate) struct Groups<'a> {
 }
 
 impl Groups<'_> {
+    /// One that is made anew each time, for what is the caller's.
+    pub fn unkept(&self, layout: &Layout, resources: &[Named<'_>]) -> Group {
+        layout.group(self.device, resources)
+    }
+
     /// The next one.
     pub fn next(&mut self, layout: &Layout, resources: &[Named<'_>]) -> Group {
         let sorted = layout.sorted(resources);

@@ -57,6 +57,7 @@ const COMMON: &[Module<'static>] = common![
     disk_bvh_layout,
     disk_bvh_traverse,
     directions,
+    kinship,
     spherical_gaussian,
     sg_glossy,
     lobes,

@@ -197,6 +197,11 @@ impl InstancedBvh {
     pub(crate) fn last(&self) -> Result<Stamp, Error> {
         self.recordings.last(NAME)
     }
+
+    /// [`Error::Recording`] for `name` where it was not recorded from this, since this was.
+    pub(crate) fn check_source(&self, name: &'static str, stamp: &Stamp) -> Result<(), Error> {
+        stamp.check(name, NAME, &self.recordings)
+    }
 }
 
 /// Builds [`InstancedBvh`]s on the GPU: one [`InstancedBvhBuilder::record`] a frame.

@@ -21,6 +21,7 @@ use crate::{
     gpu::compiler::Compiler,
     gpu::screen,
     hit_resolver::{HitResolver, HitResolverInput, HitResolverView},
+    ray_budget::{RayBudget, RayBudgetInput, view::RayBudgetView},
     receivers::{FrameInput, GBufferDecoder, Receivers, plane_bytes, plane_for},
     recorded::never,
     temporal_accumulator::{
@@ -93,9 +94,13 @@ pub struct RayTracedViewDescriptor {
 impl RayTracedViewDescriptor {
     /// Each frame for itself.
     pub fn new(effect: RayTracedEffect, quality: Quality, target: TextureFormat) -> Self {
+        let rays = quality.rays(effect.payload());
         Self {
             effect,
-            rays: quality.rays(effect.payload()),
+            rays: match effect.sampling() {
+                Sampling::Glossy => rays.everywhere(),
+                Sampling::Cosine | Sampling::Uniform => rays,
+            },
             primitives: Primitives::default(),
             temporal: None,
             target,
@@ -149,6 +154,7 @@ pub struct RayTracedView {
     decoder: GBufferDecoder,
     tracer: BouncedZBuffer,
     resolver: HitResolver,
+    budget: Option<RayBudget>,
     temporal: Option<Temporal>,
     room: Option<Room>,
 }
@@ -170,6 +176,7 @@ struct Room {
     receivers: Receivers,
     hits: BouncedView,
     scratch: HitResolverView,
+    budget: Option<RayBudgetView>,
     joined: Option<(Texture, TemporalHistory)>,
 }
 
@@ -196,12 +203,12 @@ impl RayTracedView {
             target,
         } = *descriptor;
         screen::check_format(device, "RayTracedView target", target)?;
-        settings_of(&effect, &rays, 0).validate()?;
-        rays.filter.validate()?;
+        check_rays(&effect, &rays)?;
         let tracer = BouncedDescriptor {
             payload: effect.payload(),
             sampling: effect.sampling(),
             primitives,
+            counted: rays.further.is_some(),
             ..BouncedDescriptor::default()
         };
         let tracer = BouncedZBuffer::new(compiler, &tracer)?;
@@ -223,6 +230,7 @@ impl RayTracedView {
         Ok(Self {
             resolver: tracer.resolver(compiler, resolved, false)?,
             decoder: GBufferDecoder::new(compiler)?,
+            budget: rays.further.map(|_| RayBudget::new(compiler)).transpose()?,
             tracer,
             effect,
             target,
@@ -235,10 +243,17 @@ impl RayTracedView {
     /// Changes rays and filter, from the next recording on.
     ///
     /// # Errors
-    /// [`Error::Setting`] for settings out of range; those of before stay.
+    /// [`Error::Setting`] for settings out of range, [`Error::Mismatch`] for further rays where the view was made without; those
+    /// of before stay.
     pub fn set_rays(&mut self, rays: RaySettings) -> Result<(), Error> {
-        settings_of(&self.effect, &rays, 0).validate()?;
-        rays.filter.validate()?;
+        check_rays(&self.effect, &rays)?;
+        if rays.further.is_some() && self.budget.is_none() {
+            return Err(Error::Mismatch {
+                name: "RaySettings::further",
+                found: "further rays".into(),
+                needed: "none, as the view was made for".into(),
+            });
+        }
         self.rays = rays;
         Ok(())
     }
@@ -290,7 +305,7 @@ impl RayTracedView {
             .decoder
             .record(device, encoder, &frame, &mut room.receivers)?;
         let number = self.temporal.as_ref().map_or(0, |temporal| temporal.frame);
-        let rays = BouncedInput {
+        let met = BouncedInput {
             radiance: match (self.effect.payload(), scene.lighting()) {
                 (Payload::LitRadiance, Some(lighting)) => HitRadiance::Lit(lighting),
                 _ => HitRadiance::None,
@@ -299,7 +314,20 @@ impl RayTracedView {
         };
         let settings = settings_of(&self.effect, &self.rays, number);
         self.tracer
-            .record(device, encoder, &rays, &settings, &room.hits)?;
+            .record(device, encoder, &met, &settings, &room.hits)?;
+        if let (Some(further), Some(budget), Some(list)) =
+            (&self.rays.further, &self.budget, &room.budget)
+        {
+            let filter = &self.rays.filter;
+            let hits = (&frame, &room.hits);
+            self.resolver
+                .estimate(device, encoder, hits, filter, &room.scratch)?;
+            let noise = RayBudgetInput::new(&frame, &room.hits, &room.scratch, filter);
+            budget.record(device, encoder, &noise, further, list)?;
+            let into = (&room.hits, list);
+            self.tracer
+                .record_more(device, encoder, &met, &settings, into)?;
+        }
         let resolved = match &room.joined {
             Some((picture, _)) => picture.into(),
             None => input.target,
@@ -336,6 +364,7 @@ impl RayTracedView {
         room.receivers.memory_bytes()
             + room.hits.memory_bytes()
             + room.scratch.memory_bytes()
+            + room.budget.as_ref().map_or(0, RayBudgetView::memory_bytes)
             + joined
     }
 
@@ -417,11 +446,34 @@ impl RayTracedView {
             rays_per_pixel,
             receivers: self.decoder.create_receivers(device, width, height)?,
             scratch: self.resolver.create_view(device, &hits)?,
+            budget: self
+                .budget
+                .as_ref()
+                .map(|budget| budget.create_view(device, width, height))
+                .transpose()?,
             hits,
             joined,
         });
         Ok(())
     }
+}
+
+/// That rays can be had, for an effect.
+fn check_rays(effect: &RayTracedEffect, rays: &RaySettings) -> Result<(), Error> {
+    settings_of(effect, rays, 0).validate()?;
+    rays.filter.validate()?;
+    let Some(further) = &rays.further else {
+        return Ok(());
+    };
+    further.validate()?;
+    if effect.sampling() == Sampling::Cosine {
+        return Ok(());
+    }
+    Err(Error::Mismatch {
+        name: "RaySettings::further",
+        found: format!("further rays for {effect:?}"),
+        needed: "none, for glossy receivers".into(),
+    })
 }
 
 /// Of one frame before frames are joined.

@@ -224,6 +224,7 @@ impl Lab {
             payload,
             sampling,
             deferred,
+            counted: false,
             target: wgpu::TextureFormat::Rgba32Float,
         })
     }
