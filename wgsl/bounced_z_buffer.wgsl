@@ -122,15 +122,15 @@ override SAMPLING: u32 = 0u;
 #endif
 #if COUNTED
 // Of each pixel, rows from the top.
-@group(0) @binding(15) var<storage, read_write> counts: array<PixelRays>;
+@group(0) @binding(30) var<storage, read_write> counts: array<PixelRays>;
 #endif
 #if LIST
 // How many pixels, then x | y << 16 of each.
-@group(0) @binding(16) var<storage, read> work: array<u32>;
+@group(0) @binding(31) var<storage, read> work: array<u32>;
 #endif
 #if MORE
 // In x how many pixels; then of each one x | y << 16, and how many further sets it is to have.
-@group(0) @binding(16) var<storage, read> work: array<vec2u>;
+@group(0) @binding(31) var<storage, read> work: array<vec2u>;
 #endif
 
 #if DISKS

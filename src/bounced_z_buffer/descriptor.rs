@@ -64,9 +64,9 @@ pub struct BouncedDescriptor {
     pub sampling: Sampling,
     /// Whether to count into [`BouncedView::statistics`](crate::BouncedView::statistics). Slower; for measuring.
     pub statistics: bool,
-    /// Whether pixels may have different numbers of rays: those of [`BouncedInput::pixels`](crate::BouncedInput::pixels) alone, and
-    /// with [`Sampling::Cosine`] further ones where a [`RayBudget`](crate::RayBudget) puts them. Views then take 8 bytes per pixel
-    /// more, and 16 with radiance.
+    /// Whether pixels may have different numbers of rays: those of [`BouncedInput::pixels`](crate::BouncedInput::pixels) alone,
+    /// and with [`Sampling::Cosine`] further ones where a [`RayBudget`](crate::RayBudget) puts them. Views then take 8 bytes per
+    /// pixel more, and 16 with radiance.
     pub counted: bool,
 }
 

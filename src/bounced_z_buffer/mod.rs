@@ -272,8 +272,8 @@ impl BouncedZBuffer {
     /// What [`BouncedSettings::validate`] and, for lights, [`Light::validate`](crate::Light::validate) find; [`Error::Mismatch`]
     /// where the frame has another origin than the cloud, the view was made for another descriptor or size or for fewer rays, the
     /// hierarchy for another cloud's capacity, the radiance is none that the payload takes, the G-buffer lacks the roughness
-    /// that glossy rays need, or pixels are listed and rays not counted; [`Error::Recording`] where the hierarchy was not recorded
-    /// from this cloud, since that was; [`Error::Buffer`] for radiance that is too small, for materials, or for lists;
+    /// that glossy rays need, or pixels are listed and rays not counted; [`Error::Recording`] where the hierarchy was not
+    /// recorded from this cloud, since that was; [`Error::Buffer`] for radiance that is too small, for materials, or for lists;
     /// [`Error::Setting`] for too many lights, and where radiance of pieces is asked for and the surfels are not leaves of them
     /// ([`Placement::Grid`] and [`Placement::Random`]).
     pub fn record(
@@ -325,8 +325,8 @@ impl BouncedZBuffer {
     /// drawn between those that there are.
     ///
     /// # Errors
-    /// As [`BouncedZBuffer::record`]; [`Error::Recording`] where the view was not recorded from this frame and cloud, or the budget
-    /// not for this frame; [`Error::Mismatch`] where the view was recorded with other settings, the budget is of another size, or
+    /// As [`BouncedZBuffer::record`]; [`Error::Recording`] where the view was not recorded from this frame and cloud, or the
+    /// budget not for this frame; [`Error::Mismatch`] where the view was recorded with other settings, the budget is of another size, or
     /// directions are not [`Sampling::Cosine`].
     pub fn record_more(
         &self,
