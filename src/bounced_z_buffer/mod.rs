@@ -90,21 +90,28 @@ impl BouncedZBuffer {
         &self.descriptor
     }
 
-    /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`.
+    /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`, but for `Primitives::RayQuery`.
     ///
     /// # Errors
-    /// [`Error::Limit`] where the device was made with less than that; [`Error::Setting`] for levels out of range.
+    /// [`Error::Limit`] where the device was made with less than that; [`Error::Setting`] for levels out of range, and for what
+    /// the primitives do not go with; [`Error::Feature`] for ray queries that the device was not made for.
     pub fn new<'a>(
         compiler: impl Into<Compiler<'a>>,
         descriptor: &BouncedDescriptor,
     ) -> Result<Self, Error> {
         let Compiler { device, cache } = compiler.into();
-        descriptor.primitives.validate()?;
+        descriptor.primitives.validate(device)?;
         check_setting(
-            !descriptor.lit() || descriptor.primitives == Primitives::Triangles,
+            !descriptor.lit() || !descriptor.primitives.are_disks(),
             "BouncedDescriptor::primitives",
-            f64::from(u8::from(descriptor.primitives != Primitives::Triangles)),
+            f64::from(u8::from(descriptor.primitives.are_disks())),
             "Primitives::Triangles, with Payload::LitRadiance",
+        )?;
+        check_setting(
+            !(descriptor.statistics && descriptor.primitives.by_device()),
+            "BouncedDescriptor::statistics",
+            f64::from(u8::from(descriptor.statistics)),
+            "false, with Primitives::RayQuery",
         )?;
         let module = shader::create(device, LABEL, source(descriptor)?);
         let layout = module.layout(device, &["trace"]);
@@ -218,10 +225,19 @@ impl BouncedZBuffer {
         };
         let mut parameters = Parameters::new(device);
         let mut disks = None;
-        let (nodes, primitives) = match self.descriptor.primitives {
-            Primitives::Triangles => {
-                let bounds = input.bvh.triangles(cloud)?;
-                let mut primitives = vec![("triangles", binding::view(&bounds.triangles))];
+        let primitives = match self.descriptor.primitives {
+            Primitives::Disks { levels } => {
+                let bounds = input.bvh.disks(cloud, levels)?;
+                disks = Some(parameters.add(&DiskParams::new(&settings.disks, bounds)));
+                vec![
+                    ("nodes", binding::view(&bounds.nodes)),
+                    ("counters", whole(&cloud.counters)),
+                    ("surfels", whole(&cloud.surfels)),
+                    ("sources", whole(&cloud.sources)),
+                ]
+            }
+            pieces => {
+                let mut primitives = input.bvh.pieces(cloud, pieces)?;
                 if self.descriptor.payload.is_radiance() {
                     primitives.push(("pieces", whole(&cloud.pieces)));
                 }
@@ -231,17 +247,7 @@ impl BouncedZBuffer {
                         ("surfel_offsets", whole(&cloud.piece_offsets.values)),
                     ]);
                 }
-                (&bounds.nodes, primitives)
-            }
-            Primitives::Disks { levels } => {
-                let bounds = input.bvh.disks(cloud, levels)?;
-                disks = Some(parameters.add(&DiskParams::new(&settings.disks, bounds)));
-                let primitives = vec![
-                    ("counters", whole(&cloud.counters)),
-                    ("surfels", whole(&cloud.surfels)),
-                    ("sources", whole(&cloud.sources)),
-                ];
-                (&bounds.nodes, primitives)
+                primitives
             }
         };
 
@@ -265,7 +271,6 @@ impl BouncedZBuffer {
         let parameters = self.uniforms.upload(device, encoder, &parameters);
         let mut resources = vec![
             ("params", parameters.at(params)),
-            ("nodes", binding::view(nodes)),
             ("receivers", binding::view(&frame.receivers.view)),
             ("nearness", whole(&view.nearness)),
             ("camera", parameters.at(camera)),
@@ -381,8 +386,7 @@ impl BouncedZBuffer {
     ) -> Result<(), Error> {
         const RADIANCE: &str = "HitRadiance::Surfels";
         check_setting(
-            cloud.placement == Placement::Centroid
-                || self.descriptor.primitives != Primitives::Triangles,
+            cloud.placement == Placement::Centroid || self.descriptor.primitives.are_disks(),
             "SurfelizerSettings::placement",
             f64::from(cloud.placement.code()),
             "Placement::Centroid, for radiance of pieces",
@@ -424,8 +428,14 @@ fn source(descriptor: &BouncedDescriptor) -> Result<String, Error> {
 
 /// Every module of the pass.
 pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    let traced = [
+        Primitives::Triangles,
+        Primitives::Disks { levels: 1 },
+        #[cfg(feature = "ray-query")]
+        Primitives::RayQuery,
+    ];
     for payload in [Payload::Occlusion, Payload::Radiance, Payload::LitRadiance] {
-        for primitives in [Primitives::Triangles, Primitives::Disks { levels: 1 }] {
+        for primitives in traced {
             for sampling in [Sampling::Cosine, Sampling::Glossy] {
                 for statistics in [false, true] {
                     let descriptor = BouncedDescriptor {
@@ -434,8 +444,8 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
                         sampling,
                         statistics,
                     };
-                    let disks = primitives != Primitives::Triangles;
-                    if descriptor.lit() && disks {
+                    let (disks, by_device) = (primitives.are_disks(), primitives.by_device());
+                    if (descriptor.lit() && disks) || (statistics && by_device) {
                         continue;
                     }
                     let name = name_of(
@@ -446,11 +456,12 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
                         &[
                             (descriptor.lit(), "lit"),
                             (disks, "disks"),
+                            (by_device, "ray query"),
                             (sampling == Sampling::Glossy, "glossy"),
                             (statistics, "statistics"),
                         ],
                     );
-                    all.add(&name, source(&descriptor)?);
+                    all.add_for(primitives.features(), &name, source(&descriptor)?);
                 }
             }
         }

@@ -43,6 +43,7 @@ pub(crate) const FLAGS: &[&str] = &[
     "ONE_SIDED",
     "OWN_SURFACE",
     "RADIANCE",
+    "RAY_QUERY",
     "SAMPLES",
     "DISKS",
     "SHADING",

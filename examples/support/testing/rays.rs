@@ -23,12 +23,11 @@ use crate::{gpu::Gpu, testing::frames::Decoded, testing::shot::Shot};
 pub struct Lab {
     pub gpu: &'static Gpu,
     pub surfelizer: &'static Surfelizer,
+    /// What rays meet.
+    pub primitives: Primitives,
 }
 
-static LAB: LazyLock<Lab> = LazyLock::new(|| Lab {
-    gpu: pipelines::gpu(),
-    surfelizer: pipelines::surfelizer(),
-});
+static LAB: LazyLock<Lab> = LazyLock::new(|| Lab::of(Primitives::Triangles));
 
 pub fn lab() -> &'static Lab {
     &LAB
@@ -58,10 +57,19 @@ pub struct Senders {
 }
 
 impl Lab {
+    pub fn of(primitives: Primitives) -> Self {
+        Self {
+            gpu: pipelines::gpu(),
+            surfelizer: pipelines::surfelizer(),
+            primitives,
+        }
+    }
+
     pub fn tracer(&self, payload: Payload, sampling: Sampling) -> &'static BouncedZBuffer {
         pipelines::bounced(&BouncedDescriptor {
             payload,
             sampling,
+            primitives: self.primitives,
             ..BouncedDescriptor::default()
         })
     }
@@ -79,7 +87,7 @@ impl Lab {
             .create_cloud(device, capacity)
             .expect("a cloud");
         let mut senders = Senders {
-            bounds: pipelines::bvh_builder(Primitives::Triangles)
+            bounds: pipelines::bvh_builder(self.primitives)
                 .create(device, &cloud)
                 .expect("bounds"),
             cloud,
@@ -109,7 +117,7 @@ impl Lab {
         self.surfelizer
             .record(device, &mut encoder, &input, settings, &mut senders.cloud)
             .expect("surfels");
-        pipelines::bvh_builder(Primitives::Triangles)
+        pipelines::bvh_builder(self.primitives)
             .record(device, &mut encoder, &senders.cloud, &senders.bounds, None)
             .expect("bounds");
         self.gpu.finish(encoder);
