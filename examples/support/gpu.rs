@@ -86,15 +86,20 @@ impl Gpu {
         })
     }
 
-    /// The floor, and rays that the device traces itself, given the token that says so. One line says where it cannot.
-    pub fn open_for_ray_queries(token: wgpu::ExperimentalFeatures) -> Result<Self, String> {
+    /// One for rays that the device traces itself, given the token that says so: with limits, or with the floor and all that the
+    /// adapter offers for such rays. One line says where it offers none.
+    pub fn open_for_ray_queries(
+        token: wgpu::ExperimentalFeatures,
+        limits: Option<wgpu::Limits>,
+    ) -> Result<Self, String> {
         Self::open_as(|adapter| {
             let feature = wgpu::Features::EXPERIMENTAL_RAY_QUERY;
             if !adapter.features().contains(feature) {
                 return Err(format!("{} offers no ray queries", adapter.get_info().name));
             }
-            let limits =
-                wgpu::Limits::default().using_acceleration_structure_values(adapter.limits());
+            let limits = limits.unwrap_or_else(|| {
+                wgpu::Limits::default().using_acceleration_structure_values(adapter.limits())
+            });
             let times = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
             Ok((feature | times, limits, token))
         })

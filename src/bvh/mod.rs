@@ -156,6 +156,19 @@ impl Bvh {
         }
     }
 
+    /// [`Error::Mismatch`] where it is over others.
+    pub(crate) fn check_primitives(
+        &self,
+        needed: Primitives,
+        cloud: &SurfelCloud,
+    ) -> Result<(), Error> {
+        if self.primitives() == needed {
+            Ok(())
+        } else {
+            Err(self.mismatch(needed, cloud))
+        }
+    }
+
     /// What a shader binds to trace a cloud's pieces, by what it was assembled for. [`Error::Mismatch`] where this is over others or
     /// for another capacity, [`Error::Recording`] where it was not recorded from this cloud, since that was.
     pub(crate) fn pieces(
