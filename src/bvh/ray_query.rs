@@ -133,8 +133,8 @@ impl DeviceBvhPass {
             index_count: None,
             flags: AccelerationStructureGeometryFlags::OPAQUE,
         };
-        // Built anew each frame, and traversed by many rays: the best tree is not asked for.
-        let flags = AccelerationStructureFlags::PREFER_FAST_BUILD;
+        // Built anew each frame, but by as many rays as a frame has the better tree is worth it: `scripts/ray_query.sh --times`.
+        let flags = AccelerationStructureFlags::PREFER_FAST_TRACE;
         let update_mode = AccelerationStructureUpdateMode::Build;
         let geometry = device.create_blas(
             &CreateBlasDescriptor {
