@@ -304,8 +304,8 @@ impl BvhBuilder {
                 Bounds::Disks(Box::new(DiskBounds::new(device, cloud, *levels)?))
             }
             #[cfg(feature = "ray-query")]
-            Builder::RayQuery(pass) => {
-                Bounds::RayQuery(Box::new(pass.create(device, cloud.capacity.pieces)?))
+            Builder::RayQuery(_) => {
+                Bounds::RayQuery(Box::new(DeviceBvh::new(device, cloud.capacity.pieces)?))
             }
         };
         Ok(Bvh {

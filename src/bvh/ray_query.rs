@@ -44,6 +44,60 @@ pub(crate) struct DeviceBvh {
 }
 
 impl DeviceBvh {
+    /// Room for `capacity` pieces.
+    pub fn new(device: &Device, capacity: u32) -> Result<Self, Error> {
+        let vertex_count = CORNERS * capacity;
+        // By wgpu 30 it is vertices that the limit counts.
+        check_limit(
+            "max_blas_primitive_count",
+            device.limits().max_blas_primitive_count.into(),
+            vertex_count.into(),
+            LABEL,
+        )?;
+        let vertices = storage(
+            device,
+            "deep-screen-space corners of pieces",
+            CORNER_BYTES * u64::from(vertex_count),
+            BufferUsages::BLAS_INPUT,
+        )?;
+        let size = BlasTriangleGeometrySizeDescriptor {
+            vertex_format: VertexFormat::Float32x3,
+            vertex_count,
+            index_format: None,
+            index_count: None,
+            flags: AccelerationStructureGeometryFlags::OPAQUE,
+        };
+        // Built anew each frame, but by as many rays as a frame has the better tree is worth it: `scripts/ray_query.sh --times`.
+        let flags = AccelerationStructureFlags::PREFER_FAST_TRACE;
+        let update_mode = AccelerationStructureUpdateMode::Build;
+        let geometry = device.create_blas(
+            &CreateBlasDescriptor {
+                label: Some(LABEL),
+                flags,
+                update_mode,
+            },
+            BlasGeometrySizeDescriptors::Triangles {
+                descriptors: vec![size.clone()],
+            },
+        );
+        let mut scene = device.create_tlas(&CreateTlasDescriptor {
+            label: Some(LABEL),
+            max_instances: 1,
+            flags,
+            update_mode,
+        });
+        let in_place = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0.];
+        scene[0] = Some(TlasInstance::new(&geometry, in_place, 0, 0xff));
+        Ok(Self {
+            capacity,
+            vertices,
+            size,
+            geometry,
+            scene,
+            kept: Kept::default(),
+        })
+    }
+
     pub fn capacity(&self) -> u32 {
         self.capacity
     }
@@ -107,60 +161,6 @@ impl DeviceBvhPass {
         Ok(Self {
             layout,
             place_corners,
-        })
-    }
-
-    /// Room for `capacity` pieces.
-    pub fn create(&self, device: &Device, capacity: u32) -> Result<DeviceBvh, Error> {
-        let vertex_count = CORNERS * capacity;
-        // By wgpu 30 it is vertices that the limit counts.
-        check_limit(
-            "max_blas_primitive_count",
-            device.limits().max_blas_primitive_count.into(),
-            vertex_count.into(),
-            LABEL,
-        )?;
-        let vertices = storage(
-            device,
-            "deep-screen-space corners of pieces",
-            CORNER_BYTES * u64::from(vertex_count),
-            BufferUsages::BLAS_INPUT,
-        )?;
-        let size = BlasTriangleGeometrySizeDescriptor {
-            vertex_format: VertexFormat::Float32x3,
-            vertex_count,
-            index_format: None,
-            index_count: None,
-            flags: AccelerationStructureGeometryFlags::OPAQUE,
-        };
-        // Built anew each frame, but by as many rays as a frame has the better tree is worth it: `scripts/ray_query.sh --times`.
-        let flags = AccelerationStructureFlags::PREFER_FAST_TRACE;
-        let update_mode = AccelerationStructureUpdateMode::Build;
-        let geometry = device.create_blas(
-            &CreateBlasDescriptor {
-                label: Some(LABEL),
-                flags,
-                update_mode,
-            },
-            BlasGeometrySizeDescriptors::Triangles {
-                descriptors: vec![size.clone()],
-            },
-        );
-        let mut scene = device.create_tlas(&CreateTlasDescriptor {
-            label: Some(LABEL),
-            max_instances: 1,
-            flags,
-            update_mode,
-        });
-        let in_place = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0.];
-        scene[0] = Some(TlasInstance::new(&geometry, in_place, 0, 0xff));
-        Ok(DeviceBvh {
-            capacity,
-            vertices,
-            size,
-            geometry,
-            scene,
-            kept: Kept::default(),
         })
     }
 

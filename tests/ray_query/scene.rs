@@ -65,7 +65,7 @@ fn picture(
 /// guides the filter; of light the nearest hit counts, and what differs is a ray in a thousand that passes an edge.
 #[test]
 fn pictures_are_those_of_the_crates_own_rays() {
-    let size = 64;
+    let size = 48;
     let effects = [
         (
             "occlusion",
