@@ -32,7 +32,8 @@
 //!   is read off the matrix; a pixel at the far end of the depth range is sky.
 //! * **Images** have row 0 on top. Only the camera's viewport is read and written.
 //! * **Requirements.** Nothing beyond `Limits::default()`, and no feature. `SUBGROUP` is used where the caller asks for
-//!   it, and timestamps are written where it passes a query set.
+//!   it, and timestamps are written where it passes a query set. With the crate's feature `ray-query` the device may trace rays
+//!   itself (`Primitives::RayQuery`), where it was made for that.
 //! * **Errors.** What cannot be honoured is an [`Error`] that names the thing, its value and what is accepted, before
 //!   anything is recorded. What the GPU alone can find, such as surfels that found no room, is counted in
 //!   [`SurfelCounts`], for the caller to read when it likes.

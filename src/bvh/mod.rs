@@ -45,17 +45,14 @@ pub enum Primitives {
         /// Number of levels, 1…8; 1 for plain disks without levels.
         levels: u32,
     },
-    /// A cloud's pieces as with [`Primitives::Triangles`], in a structure that the device builds and rays that it traces, by
-    /// hardware where it has it. For a device with [`Features::EXPERIMENTAL_RAY_QUERY`]
-    /// and the limits for it ([`Limits::using_minimum_supported_acceleration_structure_values`]); asking for an experimental
-    /// feature is `unsafe` in wgpu, and the caller's to decide. Only with this crate's feature `ray-query`.
+    /// A cloud's pieces as with [`Primitives::Triangles`], in a structure that the device builds, by rays that it traces: in
+    /// hardware, where it has that. Only with this crate's feature `ray-query`, and for a device that was made with
+    /// [`Features::EXPERIMENTAL_RAY_QUERY`], which is `unsafe` to ask wgpu for and the caller's to decide, and with the
+    /// [limits](wgpu::Limits::using_minimum_supported_acceleration_structure_values) that go with it.
     ///
-    /// Hits are those of [`Primitives::Triangles`] but for rays that pass an edge by less than rounding, with two
-    /// exceptions. Of triangles at the same distance the device hits either. And edges are closed where triangles share their
-    /// corners: at corners within another's edge, as the pieces of large triangles have them, what a ray meets is up to the
-    /// device.
-    ///
-    /// [`Limits::using_minimum_supported_acceleration_structure_values`]: wgpu::Limits::using_minimum_supported_acceleration_structure_values
+    /// Hits are those of [`Primitives::Triangles`], but for rays that pass an edge by less than rounding. Of triangles at the
+    /// same distance the device hits either. A corner within another triangle's edge, as the pieces of large triangles have
+    /// them, and triangles that are thinner than positions are rounded may leave a gap, as the device has it.
     #[cfg(feature = "ray-query")]
     RayQuery,
 }
@@ -169,8 +166,8 @@ impl Bvh {
         }
     }
 
-    /// What a shader binds to trace a cloud's pieces, by what it was assembled for. [`Error::Mismatch`] where this is over others or
-    /// for another capacity, [`Error::Recording`] where it was not recorded from this cloud, since that was.
+    /// What a shader binds to trace a cloud's pieces, by what it was assembled for. [`Error::Mismatch`] where this is over others
+    /// or for another capacity, [`Error::Recording`] where it was not recorded from this cloud, since that was.
     pub(crate) fn pieces(
         &self,
         cloud: &SurfelCloud,
@@ -314,7 +311,8 @@ impl BvhBuilder {
         })
     }
 
-    /// Records the building, into a compute pass of its own (the device's own structure after one), from what the cloud was last recorded to be.
+    /// Records the building, into a compute pass of its own (and behind it, where the device builds), from what the cloud was
+    /// last recorded to be.
     ///
     /// # Errors
     /// [`Error::Mismatch`] for a hierarchy over other primitives or for another cloud's capacity, [`Error::Recording`] for a

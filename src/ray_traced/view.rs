@@ -263,11 +263,11 @@ impl RayTracedView {
     /// Records the effect into the caller's texture.
     ///
     /// # Errors
-    /// [`Error::Recording`] where the scene was not recorded; [`Error::Mismatch`] where it is of other primitives, where light is asked for and the scene was
-    /// recorded without lighting, or where the G-buffer lacks the albedo or roughness that the effect needs; what
-    /// [`GBuffer::validate`] finds; [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target; [`Error::Limit`] for
-    /// a viewport beyond the device's. What [`TemporalAccumulator::record`] finds of motion vectors comes after the frame's rays
-    /// were recorded, and leaves the target alone.
+    /// [`Error::Recording`] where the scene was not recorded; [`Error::Mismatch`] where it is of other primitives, where light is
+    /// asked for and it was recorded without lighting, or where the G-buffer lacks the albedo or roughness that the effect
+    /// needs; what [`GBuffer::validate`] finds; [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target;
+    /// [`Error::Limit`] for a viewport beyond the device's. What [`TemporalAccumulator::record`] finds of motion vectors comes
+    /// after the frame's rays were recorded, and leaves the target alone.
     pub fn record(
         &mut self,
         device: &Device,

@@ -1,25 +1,95 @@
 //! What it costs, as ratios within one run.
 
 use deep_screen_space::{
-    BouncedSettings, BvhBuilder, CloudCapacity, Payload, Sampling, Timestamps, scenes, wgpu,
+    BouncedDescriptor, BouncedInput, BouncedZBuffer, BvhBuilder, CloudCapacity, HitLighting,
+    HitRadiance, Light, Payload, Timestamps,
+    glam::DVec3,
+    scenes::{self, Scene},
+    wgpu,
 };
-use support::testing::{frames::Decoded, rays::triangles};
+use support::testing::{
+    frames::Decoded,
+    rays::{Lab, Senders, triangles},
+    shot::Shot,
+};
 
 use crate::{LABS, settings};
 
-/// Prints the time of building and of rays by the device, over the crate's own; the fastest of a few runs.
+/// Best of this many runs, after one that compiles the pipelines: a shared machine only ever adds time.
+const RUNS: usize = 3;
+const SIZE: u32 = 256;
+const RAYS_PER_PIXEL: u32 = 16;
+
+/// Milliseconds that recordings take.
+fn fastest(record: impl Fn(&mut wgpu::CommandEncoder)) -> f64 {
+    let _ = LABS.gpu.time(&record);
+    let times = (0..RUNS).map(|_| LABS.gpu.time(&record).0);
+    times.fold(f64::INFINITY, f64::min)
+}
+
+/// Of building; of occlusion's rays, which end at any hit; of those that ask for the nearest; of these with a lamp's shadows.
+fn times(lab: &Lab, shot: &Shot, senders: &Senders, scene: &Scene) -> [f64; 4] {
+    let device = &lab.gpu.device;
+    let builder = BvhBuilder::new(device, lab.primitives).expect("pipelines");
+    let build = fastest(|encoder| {
+        builder
+            .record(device, encoder, &senders.cloud, &senders.bounds, None)
+            .expect("a hierarchy");
+    });
+    let mut encoder = lab.gpu.encoder();
+    let mut decoded = Decoded::of(&shot.camera);
+    let origin = senders.cloud.origin();
+    let frame = decoded.frame(&mut encoder, shot.gbuffer(), &shot.camera, origin);
+    lab.gpu.finish(encoder);
+    let table = scene.material_table();
+    let materials = lab.gpu.buffer(&table, wgpu::BufferUsages::STORAGE);
+    let lamp = Light::Point {
+        position: shot.camera.eye() + DVec3::Y,
+        intensity: [4.0; 3],
+    };
+    let trace = |payload, lights: &[Light]| {
+        let descriptor = BouncedDescriptor {
+            payload,
+            primitives: lab.primitives,
+            ..BouncedDescriptor::default()
+        };
+        let tracer = BouncedZBuffer::new(device, &descriptor).expect("pipelines");
+        let view = tracer
+            .create_view(device, SIZE, SIZE, RAYS_PER_PIXEL)
+            .expect("a view");
+        let materials = &materials;
+        let input = BouncedInput {
+            radiance: match payload {
+                Payload::Occlusion => HitRadiance::None,
+                _ => HitRadiance::Lit(HitLighting { materials, lights }),
+            },
+            ..BouncedInput::new(&frame, &senders.cloud, &senders.bounds)
+        };
+        fastest(|encoder| {
+            tracer
+                .record(device, encoder, &input, &settings(RAYS_PER_PIXEL), &view)
+                .expect("hits");
+        })
+    };
+    [
+        build,
+        trace(Payload::Occlusion, &[]),
+        trace(Payload::LitRadiance, &[]),
+        trace(Payload::LitRadiance, &[lamp]),
+    ]
+}
+
+/// Prints what the device takes over what the crate takes.
 #[test]
 #[ignore = "it measures, and tests nothing"]
 fn times_over_the_crates_own() {
-    const RUNS: usize = 5;
     println!(
-        "{}: {:>12} {:>9} {:>9} {:>9} {:>9}",
-        LABS.gpu.name(),
-        "scene",
-        "triangles",
-        "build",
-        "any",
-        "nearest"
+        "{}, {SIZE}x{SIZE} pixels, {RAYS_PER_PIXEL} rays per pixel",
+        LABS.gpu.name()
+    );
+    println!(
+        "{:12} {:>9} {:>8} {:>8} {:>8} {:>8} {:>12}",
+        "scene", "triangles", "build", "any", "nearest", "lit", "build + any"
     );
     for scene in [
         scenes::cornell(),
@@ -27,80 +97,21 @@ fn times_over_the_crates_own() {
         scenes::dominoes(),
         scenes::colonnade(),
     ] {
-        let shot = LABS.shot(&scene, 0, 256);
-        let pieces = shot.buffers.triangles() + 10_000;
+        let shot = LABS.shot(&scene, 0, SIZE);
+        let count = shot.buffers.triangles();
+        // As much room as a scene's objects take.
         let capacity = CloudCapacity {
             surfels: 0,
-            pieces,
-            triangles: pieces,
-        };
-        let settings = BouncedSettings {
-            rays_per_pixel: 16,
-            ..settings(16)
+            pieces: count + count / 4 + 256,
+            triangles: count,
         };
         let senders = LABS.senders_in(&shot, &triangles(), capacity);
-        let fastest =
-            |time: &dyn Fn() -> f64| (0..=RUNS).map(|_| time()).fold(f64::INFINITY, f64::min);
-        let [device, own] = [0, 1].map(|i| {
-            let (lab, senders) = (&LABS.both[i], &senders[i]);
-            let builder = BvhBuilder::new(&LABS.gpu.device, lab.primitives).expect("pipelines");
-            let build = fastest(&|| {
-                LABS.gpu
-                    .time(|encoder| {
-                        builder
-                            .record(
-                                &LABS.gpu.device,
-                                encoder,
-                                &senders.cloud,
-                                &senders.bounds,
-                                None,
-                            )
-                            .expect("a hierarchy");
-                    })
-                    .0
-            });
-            let radiance = lab.motley(senders).0;
-            let trace = |payload| {
-                let view = lab.view(&shot, payload, Sampling::Cosine, 16);
-                let tracer = lab.tracer(payload, Sampling::Cosine);
-                let mut decoded = Decoded::of(&shot.camera);
-                let mut encoder = LABS.gpu.encoder();
-                let frame = decoded.frame(
-                    &mut encoder,
-                    shot.gbuffer(),
-                    &shot.camera,
-                    senders.cloud.origin(),
-                );
-                LABS.gpu.finish(encoder);
-                let input = deep_screen_space::BouncedInput {
-                    radiance: match payload {
-                        Payload::Occlusion => deep_screen_space::HitRadiance::None,
-                        _ => deep_screen_space::HitRadiance::Surfels(&radiance),
-                    },
-                    ..deep_screen_space::BouncedInput::new(&frame, &senders.cloud, &senders.bounds)
-                };
-                fastest(&|| {
-                    LABS.gpu
-                        .time(|encoder| {
-                            tracer
-                                .record(&LABS.gpu.device, encoder, &input, &settings, &view)
-                                .expect("hits");
-                        })
-                        .0
-                })
-            };
-            [build, trace(Payload::Occlusion), trace(Payload::Radiance)]
-        });
+        let [device, own] = [0, 1].map(|i| times(&LABS.both[i], &shot, &senders[i], &scene));
+        let [build, any, nearest, lit] = [0, 1, 2, 3].map(|i| device[i] / own[i]);
+        let frame = (device[0] + device[1]) / (own[0] + own[1]);
         println!(
-            "{:>20} {:>9} {:>9.2} {:>9.2} {:>9.2}   (own: {:.1}, {:.1}, {:.1} ms)",
-            scene.name,
-            shot.buffers.triangles(),
-            device[0] / own[0],
-            device[1] / own[1],
-            device[2] / own[2],
-            own[0],
-            own[1],
-            own[2],
+            "{:12} {count:>9} {build:>8.2} {any:>8.2} {nearest:>8.2} {lit:>8.2} {frame:>12.2}",
+            scene.name
         );
     }
 }
