@@ -42,6 +42,8 @@
 //! * **Not checked** is what wgpu does not tell: destroyed textures and buffers, those of another device, a texture's
 //!   `view_formats`, and WGSL that does not compile. They are wgpu's own validation errors.
 //! * **Determinism.** The same input on the same device gives the same bits: no sum depends on the order of threads.
+//!   Where the device traces rays itself it builds what they traverse as it likes, and which of several hits an occlusion ray
+//!   finds may differ from run to run.
 //! * **Lifetimes.** Passes hold pipelines and serve any number of scenes and views. Several recordings may go into one
 //!   encoder, and encoders be dropped. Objects keep the bind groups of their last recording for the next, and with them the
 //!   buffers that it was given; of the caller's textures they keep nothing.

@@ -51,8 +51,10 @@ pub enum Primitives {
     /// [limits](wgpu::Limits::using_minimum_supported_acceleration_structure_values) that go with it.
     ///
     /// Hits are those of [`Primitives::Triangles`], but for rays that pass an edge by less than rounding. Of triangles at the
-    /// same distance the device hits either. A corner within another triangle's edge, as the pieces of large triangles have
-    /// them, and triangles that are thinner than positions are rounded may leave a gap, as the device has it.
+    /// same distance the device hits either, and where any hit will do, as for occlusion, it is the device's choice which one;
+    /// how near those are guides the [`HitResolver`](crate::HitResolver)'s filter. A corner within another triangle's edge, as
+    /// the pieces of large triangles have them, and triangles that are thinner than positions are rounded may leave a gap, as
+    /// the device has it.
     #[cfg(feature = "ray-query")]
     RayQuery,
 }

@@ -2,9 +2,10 @@
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedZBuffer, BvhBuilder, Error, Geometry, HitLighting,
-    Light, Primitives, Quality, RayTracedEffect, RayTracedInput, RayTracedScene,
-    RayTracedSceneInput, RayTracedView, RayTracedViewDescriptor,
+    Light, Payload, Primitives, Quality, RayTracedEffect, RayTracedInput, RayTracedScene,
+    RayTracedSceneInput, RayTracedView, RayTracedViewDescriptor, Sampling,
     glam::DVec3,
+    reference::objects::Objects,
     scenes,
     wgpu::{self, TextureFormat},
 };
@@ -208,4 +209,34 @@ fn limits_are_typed_errors() {
         matches!(error, Some(Error::Feature { feature: f, .. }) if f == feature),
         "{error:?}"
     );
+}
+
+/// What traces a structure keeps its bind group for the next recording. Other tests make objects beside: the fewest of many.
+#[test]
+fn recordings_again_make_nothing() {
+    let device = &LABS.gpu.device;
+    let shot = LABS.shot(&scenes::cornell(), 0, 8);
+    let senders = &LABS.senders(&shot, &triangles())[0];
+    let lab = &LABS.both[0];
+    let tracer = lab.tracer(Payload::Occlusion, Sampling::Cosine);
+    let builder = BvhBuilder::new(device, lab.primitives).expect("pipelines");
+    let view = tracer.create_view(device, 8, 8, 1).expect("a view");
+    let mut encoder = LABS.gpu.encoder();
+    let mut decoded = Decoded::of(&shot.camera);
+    let origin = senders.cloud.origin();
+    let frame = decoded.frame(&mut encoder, shot.gbuffer(), &shot.camera, origin);
+    let fewest = (0..100)
+        .map(|_| {
+            let before = Objects::made();
+            builder
+                .record(device, &mut encoder, &senders.cloud, &senders.bounds, None)
+                .expect("a hierarchy");
+            let input = BouncedInput::new(&frame, &senders.cloud, &senders.bounds);
+            tracer
+                .record(device, &mut encoder, &input, &settings(1), &view)
+                .expect("hits");
+            Objects::made().since(before).bind_groups
+        })
+        .min();
+    assert_eq!(fewest, Some(0));
 }
