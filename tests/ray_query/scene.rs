@@ -81,7 +81,7 @@ fn pictures_are_those_of_the_crates_own_rays() {
             5e-3,
         ),
     ];
-    for scene in [scenes::cornell(), scenes::colonnade(), scenes::dominoes()] {
+    for scene in [scenes::cornell(), scenes::dominoes()] {
         let shot = LABS.shot(&scene, 0, size);
         for (name, effect, most) in effects {
             let [device, own] = [Primitives::RayQuery, Primitives::Triangles]
