@@ -4,6 +4,9 @@
 // The importer declares the acceleration structure `scene`, whose triangles are the pieces, and with #if SHADOW_RAYS `pieces`.
 
 #needs scene
+#if SHADOW_RAYS
+#needs pieces
+#endif
 
 #import ray
 
