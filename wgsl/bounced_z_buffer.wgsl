@@ -12,10 +12,14 @@
 // Without #if RADIANCE a hit is a bit; with it, the radiance that the surfel at the hit sends, or with #if LIT what the
 // hit itself sends of the light that reaches it. Senders are a cloud's pieces,
 // or with #if DISKS its surfels as disks. With #if GLOSSY directions are those of the pixel's glossy lobe; those
-// below its horizon are not traced.
+// below its horizon are not traced. With #if RAY_QUERY the device itself traverses, a structure of its own.
 //
 // With #if COUNTED pixels may have different numbers of rays, none among them. Those beyond `columns` x `rows` come in sets of
 // as many, each with one ray per cell, of which the sums are kept.
+
+#if RAY_QUERY
+enable wgpu_ray_query;
+#endif
 
 #import math
 #import packing
@@ -83,8 +87,12 @@ override SAMPLING: u32 = 0u;
 #if DISKS
 @group(0) @binding(2) var nodes: texture_2d<f32>;
 #else
+#if RAY_QUERY
+@group(0) @binding(2) var scene: acceleration_structure;
+#else
 @group(0) @binding(2) var nodes: texture_2d<u32>;
 @group(0) @binding(3) var triangles: texture_2d<u32>;
+#endif
 #endif
 @group(0) @binding(4) var receivers: texture_2d<u32>;
 #if RADIANCE
@@ -136,7 +144,11 @@ override SAMPLING: u32 = 0u;
 #if DISKS
 #import disk_bvh_traverse
 #else
+#if RAY_QUERY
+#import ray_query_traverse
+#else
 #import bvh_traverse
+#endif
 #if LIT
 #import shadow_ray
 #endif

@@ -62,7 +62,8 @@ pub struct BouncedDescriptor {
     pub primitives: Primitives,
     /// How directions are drawn.
     pub sampling: Sampling,
-    /// Whether to count into [`BouncedView::statistics`](crate::BouncedView::statistics). Slower; for measuring.
+    /// Whether to count into [`BouncedView::statistics`](crate::BouncedView::statistics). Slower; for measuring. Not with
+    /// `Primitives::RayQuery`, whose steps the device does not tell.
     pub statistics: bool,
     /// Whether pixels may have different numbers of rays: those of [`BouncedInput::pixels`](crate::BouncedInput::pixels) alone,
     /// and with [`Sampling::Cosine`] further ones where a [`RayBudget`](crate::RayBudget) puts them. Views then take 8 bytes per
@@ -84,7 +85,8 @@ impl BouncedDescriptor {
     pub(crate) fn flags(&self) -> Vec<&'static str> {
         let mut flags = Vec::new();
         flags.extend(self.payload.is_radiance().then_some("RADIANCE"));
-        flags.extend(matches!(self.primitives, Primitives::Disks { .. }).then_some("DISKS"));
+        flags.extend(self.primitives.are_disks().then_some("DISKS"));
+        flags.extend(self.primitives.by_device().then_some("RAY_QUERY"));
         if self.lit() {
             flags.extend(["LIT", "SHADOW_RAYS"]);
         }

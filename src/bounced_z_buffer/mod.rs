@@ -6,7 +6,7 @@ pub(crate) mod settings;
 pub(crate) mod view;
 
 use wgpu::{
-    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, TextureFormat, TextureView,
+    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, TextureFormat,
     TextureViewDimension,
 };
 
@@ -138,7 +138,6 @@ struct Checked<'a> {
     radiance: Option<&'a Buffer>,
     lighting: Option<HitLighting<'a>>,
     roughness: Option<TextureSlice<'a>>,
-    nodes: &'a TextureView,
     primitives: Vec<Named<'a>>,
     disks: Option<&'a DiskBounds>,
 }
@@ -149,21 +148,28 @@ impl BouncedZBuffer {
         &self.descriptor
     }
 
-    /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`.
+    /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`, but for `Primitives::RayQuery`.
     ///
     /// # Errors
-    /// [`Error::Limit`] where the device was made with less than that; [`Error::Setting`] for levels out of range.
+    /// [`Error::Limit`] where the device was made with less than that; [`Error::Setting`] for levels out of range, and for what
+    /// the primitives do not go with; [`Error::Feature`] for ray queries that the device was not made for.
     pub fn new<'a>(
         compiler: impl Into<Compiler<'a>>,
         descriptor: &BouncedDescriptor,
     ) -> Result<Self, Error> {
         let Compiler { device, cache } = compiler.into();
-        descriptor.primitives.validate()?;
+        descriptor.primitives.validate(device)?;
         check_setting(
-            !descriptor.lit() || descriptor.primitives == Primitives::Triangles,
+            !descriptor.lit() || !descriptor.primitives.are_disks(),
             "BouncedDescriptor::primitives",
-            f64::from(u8::from(descriptor.primitives != Primitives::Triangles)),
+            f64::from(u8::from(descriptor.primitives.are_disks())),
             "Primitives::Triangles, with Payload::LitRadiance",
+        )?;
+        check_setting(
+            !(descriptor.statistics && descriptor.primitives.by_device()),
+            "BouncedDescriptor::statistics",
+            f64::from(u8::from(descriptor.statistics)),
+            "false, with Primitives::RayQuery",
         )?;
         let kernel = |stage: Stage| -> Result<_, Error> {
             let module = shader::create(device, LABEL, source(descriptor, stage)?);
@@ -382,10 +388,19 @@ impl BouncedZBuffer {
             Sampling::Glossy => Some(frame.gbuffer.roughness_for("Sampling::Glossy")?),
             Sampling::Cosine | Sampling::Uniform => None,
         };
-        let (nodes, primitives, disks) = match self.descriptor.primitives {
-            Primitives::Triangles => {
-                let bounds = input.bvh.triangles(cloud)?;
-                let mut primitives = vec![("triangles", binding::view(&bounds.triangles))];
+        let (primitives, disks) = match self.descriptor.primitives {
+            Primitives::Disks { levels } => {
+                let bounds = input.bvh.disks(cloud, levels)?;
+                let primitives = vec![
+                    ("nodes", binding::view(&bounds.nodes)),
+                    ("counters", whole(&cloud.counters)),
+                    ("surfels", whole(&cloud.surfels)),
+                    ("sources", whole(&cloud.sources)),
+                ];
+                (primitives, Some(bounds))
+            }
+            pieces => {
+                let mut primitives = input.bvh.pieces(cloud, pieces)?;
                 if self.descriptor.payload.is_radiance() {
                     primitives.push(("pieces", whole(&cloud.pieces)));
                 }
@@ -395,16 +410,7 @@ impl BouncedZBuffer {
                         ("surfel_offsets", whole(&cloud.piece_offsets.values)),
                     ]);
                 }
-                (&bounds.nodes, primitives, None)
-            }
-            Primitives::Disks { levels } => {
-                let bounds = input.bvh.disks(cloud, levels)?;
-                let primitives = vec![
-                    ("counters", whole(&cloud.counters)),
-                    ("surfels", whole(&cloud.surfels)),
-                    ("sources", whole(&cloud.sources)),
-                ];
-                (&bounds.nodes, primitives, Some(bounds))
+                (primitives, None)
             }
         };
         frame.check_origin(cloud.origin())?;
@@ -413,7 +419,6 @@ impl BouncedZBuffer {
             radiance,
             lighting,
             roughness,
-            nodes,
             primitives,
             disks,
         })
@@ -450,7 +455,6 @@ impl BouncedZBuffer {
             .map(|lighting| parameters.add(&LightsParams::new(lighting.lights, cloud.origin)));
         let parameters = self.uniforms.upload(device, encoder, &parameters);
         let mut resources = vec![
-            ("nodes", binding::view(checked.nodes)),
             ("receivers", binding::view(&frame.receivers.view)),
             ("nearness", whole(&view.nearness)),
             ("camera", parameters.at(camera)),
@@ -610,8 +614,7 @@ impl BouncedZBuffer {
     ) -> Result<(), Error> {
         const RADIANCE: &str = "HitRadiance::Surfels";
         check_setting(
-            cloud.placement == Placement::Centroid
-                || self.descriptor.primitives != Primitives::Triangles,
+            cloud.placement == Placement::Centroid || self.descriptor.primitives.are_disks(),
             "SurfelizerSettings::placement",
             f64::from(cloud.placement.code()),
             "Placement::Centroid, for radiance of pieces",
@@ -656,10 +659,15 @@ fn source(descriptor: &BouncedDescriptor, stage: Stage) -> Result<String, Error>
 /// Every module of the pass.
 pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
     let payloads = [Payload::Occlusion, Payload::Radiance, Payload::LitRadiance];
-    let of_triangles_or_disks = [Primitives::Triangles, Primitives::Disks { levels: 1 }];
+    let traced = [
+        Primitives::Triangles,
+        Primitives::Disks { levels: 1 },
+        #[cfg(feature = "ray-query")]
+        Primitives::RayQuery,
+    ];
     let switches = [false, true];
     for payload in payloads {
-        for primitives in of_triangles_or_disks {
+        for primitives in traced {
             for sampling in [Sampling::Cosine, Sampling::Glossy] {
                 for statistics in switches {
                     for counted in switches {
@@ -670,7 +678,9 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
                             statistics,
                             counted,
                         };
-                        if descriptor.lit() && primitives != Primitives::Triangles {
+                        let by_device = primitives.by_device();
+                        let is_lit = descriptor.lit();
+                        if (is_lit && primitives.are_disks()) || (statistics && by_device) {
                             continue;
                         }
                         list_stages(all, &descriptor)?;
@@ -697,7 +707,8 @@ fn list_stages(all: &mut Listing<'_>, descriptor: &BouncedDescriptor) -> Result<
             },
             &[
                 (descriptor.lit(), "lit"),
-                (descriptor.primitives != Primitives::Triangles, "disks"),
+                (descriptor.primitives.are_disks(), "disks"),
+                (descriptor.primitives.by_device(), "ray query"),
                 (descriptor.sampling == Sampling::Glossy, "glossy"),
                 (descriptor.statistics, "statistics"),
                 (descriptor.counted && stage == Stage::All, "counted"),
@@ -705,7 +716,8 @@ fn list_stages(all: &mut Listing<'_>, descriptor: &BouncedDescriptor) -> Result<
                 (stage == Stage::More, "more"),
             ],
         );
-        all.add(&name, source(descriptor, stage)?);
+        let features = descriptor.primitives.features();
+        all.add_for(features, &name, source(descriptor, stage)?);
     }
     Ok(())
 }

@@ -46,6 +46,7 @@ pub(crate) const FLAGS: &[&str] = &[
     "OWN_SURFACE",
     "RADIANCE",
     "RAYS",
+    "RAY_QUERY",
     "SAMPLES",
     "DISKS",
     "SHADING",

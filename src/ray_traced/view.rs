@@ -13,6 +13,7 @@ use crate::{
         settings::{BouncedSettings, Sampling},
         view::BouncedView,
     },
+    bvh::Primitives,
     camera::{Camera, Viewport},
     effect::Channels,
     error::{Error, check_setting},
@@ -82,6 +83,8 @@ pub struct RayTracedViewDescriptor {
     pub effect: RayTracedEffect,
     /// Rays per pixel, and the filter.
     pub rays: RaySettings,
+    /// What rays meet: what the scene was made for.
+    pub primitives: Primitives,
     /// How frames are joined, if they are: each then has rays of its own, and few are enough.
     pub temporal: Option<TemporalSettings>,
     /// Format of the caller's texture: any colour format of floats that can be rendered to.
@@ -98,6 +101,7 @@ impl RayTracedViewDescriptor {
                 Sampling::Glossy => rays.everywhere(),
                 Sampling::Cosine | Sampling::Uniform => rays,
             },
+            primitives: Primitives::default(),
             temporal: None,
             target,
         }
@@ -184,7 +188,7 @@ impl RayTracedView {
     ///
     /// # Errors
     /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats; [`Error::Setting`] for settings out of
-    /// range.
+    /// range; [`Error::Feature`] and [`Error::Limit`] for primitives that the device was not made for.
     pub fn new<'a>(
         compiler: impl Into<Compiler<'a>>,
         descriptor: &RayTracedViewDescriptor,
@@ -194,6 +198,7 @@ impl RayTracedView {
         let RayTracedViewDescriptor {
             effect,
             rays,
+            primitives,
             temporal,
             target,
         } = *descriptor;
@@ -203,6 +208,7 @@ impl RayTracedView {
             payload: effect.payload(),
             sampling: effect.sampling(),
             counted: rays.further.is_some(),
+            primitives,
             ..BouncedDescriptor::default()
         };
         let tracer = BouncedZBuffer::new(compiler, &tracer)?;
@@ -272,11 +278,11 @@ impl RayTracedView {
     /// Records the effect into the caller's texture.
     ///
     /// # Errors
-    /// [`Error::Recording`] where the scene was not recorded; [`Error::Mismatch`] where light is asked for and the scene was
-    /// recorded without lighting, or where the G-buffer lacks the albedo or roughness that the effect needs; what
-    /// [`GBuffer::validate`] finds; [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target; [`Error::Limit`] for
-    /// a viewport beyond the device's. What [`TemporalAccumulator::record`] finds of motion vectors comes after the frame's rays
-    /// were recorded, and leaves the target alone.
+    /// [`Error::Recording`] where the scene was not recorded; [`Error::Mismatch`] where it is of other primitives, where light is
+    /// asked for and it was recorded without lighting, or where the G-buffer lacks the albedo or roughness that the effect
+    /// needs; what [`GBuffer::validate`] finds; [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target;
+    /// [`Error::Limit`] for a viewport beyond the device's. What [`TemporalAccumulator::record`] finds of motion vectors comes
+    /// after the frame's rays were recorded, and leaves the target alone.
     pub fn record(
         &mut self,
         device: &Device,
@@ -285,6 +291,7 @@ impl RayTracedView {
         input: &RayTracedInput<'_>,
     ) -> Result<(), Error> {
         let (cloud, bvh) = scene.traced().ok_or_else(|| never("RayTracedScene"))?;
+        bvh.check_primitives(self.tracer.descriptor().primitives, cloud)?;
         self.check(scene, input)?;
         self.make_room(device, input.camera)?;
         let Some(room) = &mut self.room else {
