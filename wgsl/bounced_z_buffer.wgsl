@@ -12,10 +12,14 @@
 // Without #if RADIANCE a hit is a bit; with it, the radiance that the surfel at the hit sends, or with #if LIT what the
 // hit itself sends of the light that reaches it. Senders are a cloud's pieces, with #if TWO_LEVELS the triangles of instances
 // of meshes, or with #if DISKS a cloud's surfels as disks. With #if GLOSSY directions are those of the pixel's glossy lobe;
-// those below its horizon are not traced.
+// those below its horizon are not traced. With #if RAY_QUERY the device itself traverses, a structure of its own.
 //
 // With #if COUNTED pixels may have different numbers of rays, none among them. Those beyond `columns` x `rows` come in sets of
 // as many, each with one ray per cell, of which the sums are kept.
+
+#if RAY_QUERY
+enable wgpu_ray_query;
+#endif
 
 #import math
 #import packing
@@ -83,8 +87,12 @@ override SAMPLING: u32 = 0u;
 #if DISKS
 @group(0) @binding(2) var nodes: texture_2d<f32>;
 #else
+#if RAY_QUERY
+@group(0) @binding(2) var scene: acceleration_structure;
+#else
 @group(0) @binding(2) var nodes: texture_2d<u32>;
 @group(0) @binding(3) var triangles: texture_2d<u32>;
+#endif
 #endif
 @group(0) @binding(4) var receivers: texture_2d<u32>;
 #if RADIANCE
@@ -124,21 +132,25 @@ override SAMPLING: u32 = 0u;
 #endif
 #if COUNTED
 // Of each pixel, rows from the top.
-@group(0) @binding(15) var<storage, read_write> counts: array<PixelRays>;
+@group(0) @binding(30) var<storage, read_write> counts: array<PixelRays>;
 #endif
 #if LIST
 // How many pixels, then x | y << 16 of each.
-@group(0) @binding(16) var<storage, read> work: array<u32>;
+@group(0) @binding(31) var<storage, read> work: array<u32>;
 #endif
 #if MORE
 // In x how many pixels; then of each one x | y << 16, and how many further sets it is to have.
-@group(0) @binding(16) var<storage, read> work: array<vec2u>;
+@group(0) @binding(31) var<storage, read> work: array<vec2u>;
 #endif
 
 #if DISKS
 #import disk_bvh_traverse
 #else
+#if RAY_QUERY
+#import ray_query_traverse
+#else
 #import bvh_traverse
+#endif
 #if LIT
 #import shadow_ray
 #endif

@@ -100,6 +100,16 @@ impl<'a> BouncedScene<'a> {
         }
     }
 
+    /// [`Error::Mismatch`] where it is of others.
+    pub(crate) fn check_primitives(&self, needed: Primitives) -> Result<(), Error> {
+        match self {
+            Self::Cloud { .. } if needed == Primitives::Instances => self.instances().map(|_| ()),
+            Self::Cloud { cloud, bvh } => bvh.check_primitives(needed, cloud),
+            Self::Instances(_) if needed == Primitives::Instances => Ok(()),
+            Self::Instances(_) => self.cloud().map(|_| ()),
+        }
+    }
+
     /// The cloud and its hierarchy.
     pub(crate) fn cloud(&self) -> Result<(&'a SurfelCloud, &'a Bvh), Error> {
         match self {
@@ -134,11 +144,12 @@ pub struct BouncedDescriptor {
     pub primitives: Primitives,
     /// How directions are drawn.
     pub sampling: Sampling,
-    /// Whether to count into [`BouncedView::statistics`](crate::BouncedView::statistics). Slower; for measuring.
+    /// Whether to count into [`BouncedView::statistics`](crate::BouncedView::statistics). Slower; for measuring. Not with
+    /// `Primitives::RayQuery`, whose steps the device does not tell.
     pub statistics: bool,
-    /// Whether pixels may have different numbers of rays: those of [`BouncedInput::pixels`](crate::BouncedInput::pixels) alone, and
-    /// with [`Sampling::Cosine`] further ones where a [`RayBudget`](crate::RayBudget) puts them. Views then take 8 bytes per pixel
-    /// more, and 16 with radiance.
+    /// Whether pixels may have different numbers of rays: those of [`BouncedInput::pixels`](crate::BouncedInput::pixels) alone,
+    /// and with [`Sampling::Cosine`] further ones where a [`RayBudget`](crate::RayBudget) puts them. Views then take 8 bytes per
+    /// pixel more, and 16 with radiance.
     pub counted: bool,
 }
 
@@ -156,7 +167,8 @@ impl BouncedDescriptor {
     pub(crate) fn flags(&self) -> Vec<&'static str> {
         let mut flags = Vec::new();
         flags.extend(self.payload.is_radiance().then_some("RADIANCE"));
-        flags.extend(matches!(self.primitives, Primitives::Disks { .. }).then_some("DISKS"));
+        flags.extend(self.primitives.are_disks().then_some("DISKS"));
+        flags.extend(self.primitives.by_device().then_some("RAY_QUERY"));
         flags.extend((self.primitives == Primitives::Instances).then_some("TWO_LEVELS"));
         if self.lit() {
             flags.extend(["LIT", "SHADOW_RAYS"]);

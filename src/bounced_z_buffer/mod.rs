@@ -6,7 +6,7 @@ pub(crate) mod settings;
 pub(crate) mod view;
 
 use wgpu::{
-    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, TextureFormat, TextureView,
+    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, TextureFormat,
     TextureViewDimension,
 };
 
@@ -138,7 +138,6 @@ struct Checked<'a> {
     radiance: Option<Resource<'a>>,
     lighting: Option<HitLighting<'a>>,
     roughness: Option<TextureSlice<'a>>,
-    nodes: &'a TextureView,
     primitives: Vec<Named<'a>>,
     disks: Option<&'a DiskBounds>,
 }
@@ -149,21 +148,28 @@ impl BouncedZBuffer {
         &self.descriptor
     }
 
-    /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`.
+    /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`, but for `Primitives::RayQuery`.
     ///
     /// # Errors
-    /// [`Error::Limit`] where the device was made with less than that; [`Error::Setting`] for levels out of range.
+    /// [`Error::Limit`] where the device was made with less than that; [`Error::Setting`] for levels out of range, and for what
+    /// the primitives do not go with; [`Error::Feature`] for ray queries that the device was not made for.
     pub fn new<'a>(
         compiler: impl Into<Compiler<'a>>,
         descriptor: &BouncedDescriptor,
     ) -> Result<Self, Error> {
         let Compiler { device, cache } = compiler.into();
-        descriptor.primitives.validate()?;
+        descriptor.primitives.validate(device)?;
         check_setting(
             is_possible(descriptor),
             "BouncedDescriptor::primitives",
             f64::from(u8::from(descriptor.primitives != Primitives::Triangles)),
             "Primitives::Triangles, or Instances without Payload::Radiance, or Disks without Payload::LitRadiance",
+        )?;
+        check_setting(
+            !(descriptor.statistics && descriptor.primitives.by_device()),
+            "BouncedDescriptor::statistics",
+            f64::from(u8::from(descriptor.statistics)),
+            "false, with Primitives::RayQuery",
         )?;
         let kernel = |stage: Stage| -> Result<_, Error> {
             let module = shader::create(device, LABEL, source(descriptor, stage)?);
@@ -326,9 +332,9 @@ impl BouncedZBuffer {
     /// drawn between those that there are.
     ///
     /// # Errors
-    /// As [`BouncedZBuffer::record`]; [`Error::Recording`] where the view was not recorded from this frame and cloud, or the budget
-    /// not for this frame; [`Error::Mismatch`] where the view was recorded with other settings, the budget is of another size, or
-    /// directions are not [`Sampling::Cosine`].
+    /// As [`BouncedZBuffer::record`]; [`Error::Recording`] where the view was not recorded from this frame and cloud, or the
+    /// budget not for this frame; [`Error::Mismatch`] where the view was recorded with other settings, the budget is of
+    /// another size, or directions are not [`Sampling::Cosine`].
     pub fn record_more(
         &self,
         device: &Device,
@@ -383,11 +389,29 @@ impl BouncedZBuffer {
             Sampling::Glossy => Some(frame.gbuffer.roughness_for("Sampling::Glossy")?),
             Sampling::Cosine | Sampling::Uniform => None,
         };
-        let (nodes, primitives, disks) = match self.descriptor.primitives {
-            Primitives::Triangles => {
+        let (primitives, disks) = match self.descriptor.primitives {
+            Primitives::Disks { levels } => {
                 let (cloud, bvh) = input.scene.cloud()?;
-                let bounds = bvh.triangles(cloud)?;
-                let mut primitives = vec![("triangles", binding::view(bounds.triangles()))];
+                let bounds = bvh.disks(cloud, levels)?;
+                let primitives = vec![
+                    ("nodes", binding::view(&bounds.nodes)),
+                    ("counters", whole(&cloud.counters)),
+                    ("surfels", whole(&cloud.surfels)),
+                    ("sources", whole(&cloud.sources)),
+                ];
+                (primitives, Some(bounds))
+            }
+            Primitives::Instances => {
+                let pool = input.scene.instances()?.pool();
+                let primitives = vec![
+                    ("nodes", binding::view(&pool.nodes)),
+                    ("triangles", binding::view(&pool.triangles)),
+                ];
+                (primitives, None)
+            }
+            pieces => {
+                let (cloud, bvh) = input.scene.cloud()?;
+                let mut primitives = bvh.pieces(cloud, pieces)?;
                 if self.descriptor.payload.is_radiance() {
                     primitives.push(("pieces", whole(&cloud.pieces)));
                 }
@@ -397,22 +421,7 @@ impl BouncedZBuffer {
                         ("surfel_offsets", whole(&cloud.piece_offsets.values)),
                     ]);
                 }
-                (bounds.nodes(), primitives, None)
-            }
-            Primitives::Instances => {
-                let pool = input.scene.instances()?.pool();
-                let primitives = vec![("triangles", binding::view(&pool.triangles))];
-                (&pool.nodes, primitives, None)
-            }
-            Primitives::Disks { levels } => {
-                let (cloud, bvh) = input.scene.cloud()?;
-                let bounds = bvh.disks(cloud, levels)?;
-                let primitives = vec![
-                    ("counters", whole(&cloud.counters)),
-                    ("surfels", whole(&cloud.surfels)),
-                    ("sources", whole(&cloud.sources)),
-                ];
-                (&bounds.nodes, primitives, Some(bounds))
+                (primitives, None)
             }
         };
         frame.check_origin(input.scene.origin())?;
@@ -421,7 +430,6 @@ impl BouncedZBuffer {
             radiance,
             lighting,
             roughness,
-            nodes,
             primitives,
             disks,
         })
@@ -461,7 +469,6 @@ impl BouncedZBuffer {
             .map(|lighting| parameters.add(&LightsParams::new(lighting.lights, origin)));
         let parameters = self.uniforms.upload(device, encoder, &parameters);
         let mut resources = vec![
-            ("nodes", binding::view(checked.nodes)),
             ("receivers", binding::view(&frame.receivers.view)),
             ("nearness", whole(&view.nearness)),
             ("camera", parameters.at(camera)),
@@ -622,8 +629,7 @@ impl BouncedZBuffer {
     ) -> Result<(), Error> {
         const RADIANCE: &str = "HitRadiance::Surfels";
         check_setting(
-            cloud.placement == Placement::Centroid
-                || self.descriptor.primitives != Primitives::Triangles,
+            cloud.placement == Placement::Centroid || self.descriptor.primitives.are_disks(),
             "SurfelizerSettings::placement",
             f64::from(cloud.placement.code()),
             "Placement::Centroid, for radiance of pieces",
@@ -656,9 +662,9 @@ fn check_lighting(
 /// Surfels have radiance, and triangles can be lit.
 fn is_possible(descriptor: &BouncedDescriptor) -> bool {
     match descriptor.primitives {
-        Primitives::Triangles => true,
         Primitives::Disks { .. } => descriptor.payload != Payload::LitRadiance,
         Primitives::Instances => descriptor.payload != Payload::Radiance,
+        _ => true,
     }
 }
 
@@ -677,11 +683,16 @@ fn source(descriptor: &BouncedDescriptor, stage: Stage) -> Result<String, Error>
 /// Every module of the pass.
 pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
     let payloads = [Payload::Occlusion, Payload::Radiance, Payload::LitRadiance];
-    let disks = Primitives::Disks { levels: 1 };
-    let of_all_kinds = [Primitives::Triangles, disks, Primitives::Instances];
+    let traced = [
+        Primitives::Triangles,
+        Primitives::Disks { levels: 1 },
+        Primitives::Instances,
+        #[cfg(feature = "ray-query")]
+        Primitives::RayQuery,
+    ];
     let switches = [false, true];
     for payload in payloads {
-        for primitives in of_all_kinds {
+        for primitives in traced {
             for sampling in [Sampling::Cosine, Sampling::Glossy] {
                 for statistics in switches {
                     for counted in switches {
@@ -692,7 +703,7 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
                             statistics,
                             counted,
                         };
-                        if !is_possible(&descriptor) {
+                        if !is_possible(&descriptor) || (statistics && primitives.by_device()) {
                             continue;
                         }
                         list_stages(all, &descriptor)?;
@@ -721,6 +732,7 @@ fn list_stages(all: &mut Listing<'_>, descriptor: &BouncedDescriptor) -> Result<
                 (descriptor.lit(), "lit"),
                 (descriptor.primitives.are_disks(), "disks"),
                 (descriptor.primitives == Primitives::Instances, "instances"),
+                (descriptor.primitives.by_device(), "ray query"),
                 (descriptor.sampling == Sampling::Glossy, "glossy"),
                 (descriptor.statistics, "statistics"),
                 (descriptor.counted && stage == Stage::All, "counted"),
@@ -728,7 +740,8 @@ fn list_stages(all: &mut Listing<'_>, descriptor: &BouncedDescriptor) -> Result<
                 (stage == Stage::More, "more"),
             ],
         );
-        all.add(&name, source(descriptor, stage)?);
+        let features = descriptor.primitives.features();
+        all.add_for(features, &name, source(descriptor, stage)?);
     }
     Ok(())
 }

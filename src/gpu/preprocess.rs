@@ -47,6 +47,7 @@ pub(crate) const FLAGS: &[&str] = &[
     "OWN_SURFACE",
     "RADIANCE",
     "RAYS",
+    "RAY_QUERY",
     "SAMPLES",
     "DISKS",
     "SHADING",

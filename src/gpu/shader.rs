@@ -50,6 +50,8 @@ const COMMON: &[Module<'static>] = common![
     bvh_layout,
     bvh_build,
     bvh_traverse,
+    ray_query_traverse,
+    sound_piece,
     bvh4_layout,
     bvh4_traverse,
     bvh4_boxes,

@@ -210,7 +210,7 @@ impl RayBudget {
         }
         budget.recorded.set(frame.place());
         encoder.clear_buffer(&budget.state, 0, None);
-        let params = RayBudgetParams::new(settings, frame, input.filter, &traced.settings);
+        let params = RayBudgetParams::new(*settings, frame, input.filter, &traced.settings);
         let (parameters, params) = self.uniforms.upload_one(device, encoder, &params);
         let all = [
             ("params", parameters.at(params)),

@@ -40,7 +40,7 @@ pub(crate) fn least_share(filter: &HitResolverSettings) -> f32 {
 }
 
 /// Sets per pixel: on average, and of one pixel at most.
-pub(crate) fn sets(settings: &RayBudgetSettings, traced: &BouncedSettings) -> [f32; 2] {
+pub(crate) fn sets(settings: RayBudgetSettings, traced: &BouncedSettings) -> [f32; 2] {
     let set = traced.rays_per_pixel.max(1);
     let most = (settings.most / set).saturating_sub(1);
     [settings.rays_per_pixel / set as f32, most as f32]
@@ -48,7 +48,7 @@ pub(crate) fn sets(settings: &RayBudgetSettings, traced: &BouncedSettings) -> [f
 
 impl RayBudgetParams {
     pub fn new(
-        settings: &RayBudgetSettings,
+        settings: RayBudgetSettings,
         frame: &Frame<'_>,
         filter: &HitResolverSettings,
         traced: &BouncedSettings,

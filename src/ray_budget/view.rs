@@ -26,8 +26,9 @@ impl RayBudgetView {
         self.size
     }
 
-    /// Pairs of `u32`: first how many pixels are listed, and 0; then of each one, in any order, `x | y << 16`, and how many further
-    /// sets of rays it has, as many rays each as [`BouncedSettings::rays_per_pixel`](crate::BouncedSettings::rays_per_pixel).
+    /// Pairs of `u32`: first how many pixels are listed, and 0; then of each one, in any order, `x | y << 16`, and how many
+    /// further sets of rays it has, as many rays each as
+    /// [`BouncedSettings::rays_per_pixel`](crate::BouncedSettings::rays_per_pixel).
     /// Usages `STORAGE | COPY_SRC`.
     pub fn pixels(&self) -> &Buffer {
         &self.work

@@ -106,6 +106,7 @@ impl RaySettings {
     }
 
     /// As many rays in all, at every pixel alike.
+    #[must_use]
     pub fn everywhere(self) -> Self {
         let further = self.further.map_or(0.0, |further| further.rays_per_pixel);
         let all = self.rays_per_pixel.saturating_add(further.round() as u32);

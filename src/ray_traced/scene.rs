@@ -27,7 +27,6 @@ use crate::{
 /// later, where the GPU counted parts of large ones that found none. Nothing is allocated before the first recording.
 #[derive(Debug)]
 pub struct RayTracedScene {
-    primitives: Primitives,
     levels: Levels,
     materials: Option<Buffer>,
     lights: Vec<Light>,
@@ -101,11 +100,13 @@ impl RayTracedScene {
         Self::with_primitives(compiler, Primitives::default())
     }
 
-    /// The same for views that are made for other primitives than [`Primitives::Triangles`]: with [`Primitives::Instances`] the
-    /// meshes' triangles, of which [`RayTracedSceneInput::changed`] says which are built. Nothing is culled then.
+    /// The same for views that are made for other primitives than [`Primitives::Triangles`]: `Primitives::RayQuery`, or
+    /// [`Primitives::Instances`] for the meshes' triangles, of which [`RayTracedSceneInput::changed`] says which are built. With
+    /// these nothing is culled.
     ///
     /// # Errors
-    /// [`Error::Setting`] for [`Primitives::Disks`], as there are no surfels.
+    /// [`Error::Setting`] for [`Primitives::Disks`], as there are no surfels; [`Error::Feature`] and [`Error::Limit`] for what
+    /// the device was not made with.
     pub fn with_primitives<'a>(
         compiler: impl Into<Compiler<'a>>,
         primitives: Primitives,
@@ -129,7 +130,6 @@ impl RayTracedScene {
             }))
         };
         Ok(Self {
-            primitives,
             levels,
             materials: None,
             lights: Vec::new(),
@@ -196,11 +196,6 @@ impl RayTracedScene {
             Levels::One(level) => level.room.as_ref().map_or(0, bytes),
             Levels::Two(_, bvh) => bvh.as_ref().map_or(0, |bvh| bvh.memory_bytes()),
         }
-    }
-
-    /// What it was made for.
-    pub(super) fn primitives(&self) -> Primitives {
-        self.primitives
     }
 
     /// What views trace.

@@ -188,7 +188,7 @@ impl RayTracedView {
     ///
     /// # Errors
     /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats; [`Error::Setting`] for settings out of
-    /// range.
+    /// range; [`Error::Feature`] and [`Error::Limit`] for primitives that the device was not made for.
     pub fn new<'a>(
         compiler: impl Into<Compiler<'a>>,
         descriptor: &RayTracedViewDescriptor,
@@ -279,7 +279,7 @@ impl RayTracedView {
     ///
     /// # Errors
     /// [`Error::Recording`] where the scene was not recorded; [`Error::Mismatch`] where it is of other primitives, where light is
-    /// asked for and the scene was recorded without lighting, or where the G-buffer lacks the albedo or roughness that the effect
+    /// asked for and it was recorded without lighting, or where the G-buffer lacks the albedo or roughness that the effect
     /// needs; what [`GBuffer::validate`] finds; [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target;
     /// [`Error::Limit`] for a viewport beyond the device's. What [`TemporalAccumulator::record`] finds of motion vectors comes
     /// after the frame's rays were recorded, and leaves the target alone.
@@ -291,6 +291,7 @@ impl RayTracedView {
         input: &RayTracedInput<'_>,
     ) -> Result<(), Error> {
         let traced = scene.traced().ok_or_else(|| never("RayTracedScene"))?;
+        traced.check_primitives(self.tracer.descriptor().primitives)?;
         traced.last()?;
         self.check(scene, input)?;
         self.make_room(device, input.camera)?;
@@ -371,14 +372,6 @@ impl RayTracedView {
     /// What the passes would find only after others were recorded.
     fn check(&self, scene: &RayTracedScene, input: &RayTracedInput<'_>) -> Result<(), Error> {
         const TARGET: &str = "RayTracedInput::target";
-        let primitives = self.tracer.descriptor().primitives;
-        if scene.primitives() != primitives {
-            return Err(Error::Mismatch {
-                name: "RayTracedScene",
-                found: format!("{:?}", scene.primitives()),
-                needed: format!("{primitives:?}, for RayTracedViewDescriptor::primitives"),
-            });
-        }
         let viewport = input.camera.viewport();
         input.gbuffer.validate(viewport)?;
         match self.effect {

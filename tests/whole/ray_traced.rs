@@ -271,8 +271,8 @@ fn instances_show_the_same() {
         refused(
             render(&mut two, &mut flat, &shot, &meshes, &target),
             "Mismatch",
-            "RayTracedScene",
-            "Triangles",
+            "BouncedInput::scene",
+            "BouncedScene::Cloud",
         );
     }
     refused(

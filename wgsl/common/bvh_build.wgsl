@@ -2,6 +2,9 @@
 // Needs math and hashing, and surfel, or with #if INSTANCES instance.
 
 #import ray
+#if !INSTANCES
+#import sound_piece
+#endif
 
 // Found and counted on the way.
 struct State {
@@ -77,11 +80,6 @@ fn area_of(instance: Instance) -> f32 {
 }
 #else
 alias Primitive = Piece;
-
-fn is_sound(piece: Piece) -> bool {
-  let largest = max(abs(piece.a), max(abs(piece.b), abs(piece.c)));
-  return is_finite3(piece.a) && is_finite3(piece.b) && is_finite3(piece.c) && max_component(largest) <= FAR;
-}
 
 fn center_of(piece: Piece) -> vec3f {
   return (piece.a + piece.b + piece.c) * (1.0 / 3.0);
