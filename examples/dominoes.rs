@@ -169,6 +169,7 @@ impl<'o> Studio<'o> {
                 payload: Payload::Radiance,
                 sampling,
                 deferred,
+                counted: false,
                 target: TextureFormat::Rgba32Float,
             };
             Gatherer::new(&gpu, descriptor, size, MANY, false)
@@ -305,6 +306,7 @@ impl<'o> Studio<'o> {
             &shot.camera,
             &self.senders,
             (&traced, &settings),
+            None,
         )?;
         Ok(gatherer)
     }

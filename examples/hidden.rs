@@ -13,7 +13,7 @@ use deep_screen_space::{
 };
 use support::depth_only::{AmbientOcclusionSettings, DepthOnly, Frame};
 use support::{
-    bounced::BouncedRenderer,
+    bounced::{BouncedRenderer, RayRoom},
     errors::rmse,
     files,
     gpu::{Ask, Gpu},
@@ -65,8 +65,10 @@ fn compare(
         payload,
         capacity,
         [WIDTH, HEIGHT],
-        rays_per_pixel,
-        false,
+        RayRoom {
+            rays_per_pixel,
+            ..RayRoom::default()
+        },
     )?;
     let bounced = renderer
         .render(gpu, &drawn, &buffers, &camera, &[], &preset)?

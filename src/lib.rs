@@ -32,7 +32,8 @@
 //!   is read off the matrix; a pixel at the far end of the depth range is sky.
 //! * **Images** have row 0 on top. Only the camera's viewport is read and written.
 //! * **Requirements.** Nothing beyond `Limits::default()`, and no feature. `SUBGROUP` is used where the caller asks for
-//!   it, and timestamps are written where it passes a query set.
+//!   it, and timestamps are written where it passes a query set. With the crate's feature `ray-query` the device may trace rays
+//!   itself (`Primitives::RayQuery`), where it was made for that.
 //! * **Errors.** What cannot be honoured is an [`Error`] that names the thing, its value and what is accepted, before
 //!   anything is recorded. What the GPU alone can find, such as surfels that found no room, is counted in
 //!   [`SurfelCounts`], for the caller to read when it likes.
@@ -41,6 +42,8 @@
 //! * **Not checked** is what wgpu does not tell: destroyed textures and buffers, those of another device, a texture's
 //!   `view_formats`, and WGSL that does not compile. They are wgpu's own validation errors.
 //! * **Determinism.** The same input on the same device gives the same bits: no sum depends on the order of threads.
+//!   Where the device traces rays itself it builds what they traverse as it likes, and which of several hits an occlusion ray
+//!   finds may differ from run to run.
 //! * **Lifetimes.** Passes hold pipelines and serve any number of scenes and views. Several recordings may go into one
 //!   encoder, and encoders be dropped. Objects keep the bind groups of their last recording for the next, and with them the
 //!   buffers that it was given; of the caller's textures they keep nothing.
@@ -101,6 +104,7 @@ mod made;
 mod multi_res_mask;
 mod multi_res_reconstructor;
 mod overrides;
+mod ray_budget;
 mod ray_traced;
 mod receivers;
 mod reconstructor;
@@ -157,6 +161,7 @@ pub use multi_res_reconstructor::{
     MultiResReconstructor, MultiResReconstructorInput, SubImages,
     settings::MultiResReconstructorSettings,
 };
+pub use ray_budget::{RayBudget, RayBudgetInput, settings::RayBudgetSettings, view::RayBudgetView};
 pub use ray_traced::{
     quality::{Quality, RaySettings, SplatQuality},
     scene::{RayTracedScene, RayTracedSceneInput},

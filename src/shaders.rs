@@ -5,7 +5,7 @@ use crate::{
     effect::{Effect, Listing},
     error::Error,
     gpu::{listing::Shader, scan, sort},
-    hit_resolver, multi_res_mask, multi_res_reconstructor, receivers, reconstructor,
+    hit_resolver, multi_res_mask, multi_res_reconstructor, ray_budget, receivers, reconstructor,
     reflective_shadow_map, screen_space_gi, sg_hull, shell_splatter, soft_shadows, surfel_shader,
     surfelizer, temporal_accumulator, volumetric_obscurance,
 };
@@ -25,6 +25,7 @@ const PASSES: &[List] = &[
     bvh::list,
     bounced_z_buffer::list,
     hit_resolver::list,
+    ray_budget::list,
     temporal_accumulator::list,
     multi_res_mask::list,
     multi_res_reconstructor::list,

@@ -312,6 +312,7 @@ fn memory_stays() {
         payload: Payload::Occlusion,
         sampling: Sampling::Cosine,
         deferred: false,
+        counted: false,
         target: format,
     };
     let gatherer = HitResolver::new(device, &descriptor).expect("pipelines");

@@ -1,7 +1,9 @@
 // BouncedZBuffer: what each pixel of the G-buffer meets first along N directions of its own (The Bounced Z-buffer 3 and
 // 4.2).
 //
-//   trace   one thread per pixel and direction, a workgroup 8x8 pixels
+//   trace          one thread per pixel and direction, a workgroup 8x8 pixels
+//   trace_listed   #if LIST: one thread per listed pixel, which takes all of its directions
+//   trace_more     #if MORE: one thread per pixel that is to have further rays (wgsl/ray_budget.wgsl)
 //
 // The paper splats senders onto pixels and keeps the nearest hit of each pixel's direction. Here a pixel gathers: its ray
 // traverses a hierarchy of bounds and skips what it misses (wgsl/common/bvh_traverse.wgsl), so that a nearest hit takes
@@ -10,7 +12,14 @@
 // Without #if RADIANCE a hit is a bit; with it, the radiance that the surfel at the hit sends, or with #if LIT what the
 // hit itself sends of the light that reaches it. Senders are a cloud's pieces,
 // or with #if DISKS its surfels as disks. With #if GLOSSY directions are those of the pixel's glossy lobe; those
-// below its horizon are not traced.
+// below its horizon are not traced. With #if RAY_QUERY the device itself traverses, a structure of its own.
+//
+// With #if COUNTED pixels may have different numbers of rays, none among them. Those beyond `columns` x `rows` come in sets of
+// as many, each with one ray per cell, of which the sums are kept.
+
+#if RAY_QUERY
+enable wgpu_ray_query;
+#endif
 
 #import math
 #import packing
@@ -28,6 +37,9 @@
 #import light
 #import material
 #endif
+#if LIST
+#import sub_image
+#endif
 
 alias Counter = u32;
 
@@ -39,7 +51,8 @@ struct Params {
   // Words of bits per pixel.
   words: u32,
   surfel_capacity: u32,
-  padding: u32,
+  // Of the listed pixels (wgsl/common/sub_image.wgsl).
+  level: u32,
   // Radiance where nothing is hit.
   sky_radiance: vec3f,
   // Farther hits do not count, world units.
@@ -54,6 +67,19 @@ struct Lights {
 }
 #endif
 
+#if COUNTED
+struct PixelRays {
+  // Over the rays of further sets: of what comes along them, or how many were blocked.
+#if RADIANCE
+  sum: vec3f,
+#else
+  blocked: u32,
+#endif
+  // How many rays there were.
+  rays: u32,
+}
+#endif
+
 override SAMPLING: u32 = 0u;
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -61,8 +87,12 @@ override SAMPLING: u32 = 0u;
 #if DISKS
 @group(0) @binding(2) var nodes: texture_2d<f32>;
 #else
+#if RAY_QUERY
+@group(0) @binding(2) var scene: acceleration_structure;
+#else
 @group(0) @binding(2) var nodes: texture_2d<u32>;
 @group(0) @binding(3) var triangles: texture_2d<u32>;
+#endif
 #endif
 @group(0) @binding(4) var receivers: texture_2d<u32>;
 #if RADIANCE
@@ -98,11 +128,27 @@ override SAMPLING: u32 = 0u;
 // Perceptual roughness, of the caller's.
 @group(0) @binding(12) var roughness_texture: texture_2d<f32>;
 #endif
+#if COUNTED
+// Of each pixel, rows from the top.
+@group(0) @binding(30) var<storage, read_write> counts: array<PixelRays>;
+#endif
+#if LIST
+// How many pixels, then x | y << 16 of each.
+@group(0) @binding(31) var<storage, read> work: array<u32>;
+#endif
+#if MORE
+// In x how many pixels; then of each one x | y << 16, and how many further sets it is to have.
+@group(0) @binding(31) var<storage, read> work: array<vec2u>;
+#endif
 
 #if DISKS
 #import disk_bvh_traverse
 #else
+#if RAY_QUERY
+#import ray_query_traverse
+#else
 #import bvh_traverse
+#endif
 #if LIT
 #import shadow_ray
 #endif
@@ -114,7 +160,8 @@ const GRID: f32 = 1.0 / 32.0;
 // Of the distance from the eye; but not more than this, however large pixels are.
 const MOST_OFFSET: f32 = 1e-3;
 
-// What a hit within the pixel's side adds to nearness: of 64 directions the sum is less than 2^31.
+// What a hit within the pixel's side adds to nearness: of 64 directions the sum is less than 2^31, and of any number that a
+// pixel can have, less than 2^32.
 const NEAREST: f32 = 16777216.0;
 
 // Where a pixel's rays start. `side` is its unit normal, `seen_from` the unit vector to where it is seen from, which leads
@@ -188,6 +235,171 @@ fn meet_any(ray: Ray, pixel: vec2u, normal: vec3f) -> f32 {
 }
 #endif
 
+// What a pixel's rays share.
+struct Start {
+  pixel: vec2u,
+  normal: vec3f,
+  seen_from: vec3f,
+  origin: vec3f,
+  // Of a pixel.
+  side: f32,
+}
+
+fn start_at(pixel: vec2u, texel: vec4u) -> Start {
+  let position = receiver_position(texel);
+  let normal = unpack_normal(texel.w);
+  let relative = position - camera.eye;
+  let seen_from = to_camera(camera, relative);
+  return Start(pixel, normal, seen_from, offset_origin(position, normal, seen_from), footprint(camera, relative));
+}
+
+// What comes along a ray.
+struct Seen {
+#if RADIANCE
+  // Packed.
+  color: u32,
+#endif
+  blocked: bool,
+  nearness: u32,
+}
+
+fn look(start: Start, index: u32, turn: u32) -> Seen {
+  let point = further_point(start.pixel, index, turn, params.columns, params.rows, params.frame);
+  var seen: Seen;
+#if GLOSSY
+  let roughness = textureLoad(roughness_texture, camera.viewport.xy + start.pixel, 0).x;
+  let lobe = make_lobe(start.normal, start.seen_from, roughness);
+  let drawn = glossy_direction(lobe, point);
+  if drawn.light.z <= 0.0 {
+    return seen;
+  }
+  let direction = lobe.frame * drawn.light;
+#else
+  let direction = hemisphere_direction(point, start.normal, SAMPLING).direction;
+#endif
+  let ray = make_ray(start.origin, direction);
+#if RADIANCE
+  let hit = find(ray, start.pixel, start.normal);
+  seen.blocked = hit.primitive != MISS;
+  let distance = hit.t;
+  seen.color = pack_color(incoming(ray, hit));
+#else
+  let distance = meet_any(ray, start.pixel, start.normal);
+  seen.blocked = distance < FAR;
+#endif
+  if seen.blocked {
+    seen.nearness = u32(round(start.side / max(distance, start.side) * NEAREST));
+  }
+#if STATISTICS
+  atomicAdd(&statistics[0], 1u);
+  atomicAdd(&statistics[1], nodes_visited);
+  atomicAdd(&statistics[2], primitives_tested);
+  atomicAdd(&statistics[3], select(0u, 1u, seen.blocked));
+#endif
+  return seen;
+}
+
+fn place_of(pixel: vec2u) -> u32 {
+  return pixel.y * params.size.x + pixel.x;
+}
+
+fn rays_per_pixel() -> u32 {
+  return params.columns * params.rows;
+}
+
+fn keep(start: Start, index: u32, seen: Seen) {
+  let place = place_of(start.pixel);
+#if RADIANCE
+  textureStore(hits, start.pixel, index, vec4u(seen.color, 0u, 0u, 0u));
+#else
+  if seen.blocked {
+    atomicOr(&hits[place * params.words + index / 32u], 1u << (index & 31u));
+  }
+#endif
+  if seen.nearness > 0u {
+    atomicAdd(&nearness[place], seen.nearness);
+  }
+}
+
+#if LIST
+
+@compute @workgroup_size(64)
+fn trace_listed(
+  @builtin(workgroup_id) workgroup: vec3u,
+  @builtin(num_workgroups) workgroups: vec3u,
+  @builtin(local_invocation_index) thread: u32,
+) {
+  let i = (workgroup.y * workgroups.x + workgroup.x) * 64u + thread;
+  if i >= min(work[0], arrayLength(&work) - 1u) {
+    return;
+  }
+  let packed = work[i + 1u];
+  let pixel = stands_for(vec2u(packed & 0xffffu, packed >> 16u), params.level, params.size);
+  let texel = textureLoad(receivers, pixel, 0);
+  // A finer level's pixel may be the same one.
+  if texel.w == SKY || counts[place_of(pixel)].rays > 0u {
+    return;
+  }
+  counts[place_of(pixel)].rays = rays_per_pixel();
+  let start = start_at(pixel, texel);
+  for (var index = 0u; index < rays_per_pixel(); index++) {
+#if STATISTICS
+    nodes_visited = 0u;
+    primitives_tested = 0u;
+#endif
+    keep(start, index, look(start, index, 0u));
+  }
+}
+
+#else
+#if MORE
+
+@compute @workgroup_size(64)
+fn trace_more(
+  @builtin(workgroup_id) workgroup: vec3u,
+  @builtin(num_workgroups) workgroups: vec3u,
+  @builtin(local_invocation_index) thread: u32,
+) {
+  let i = (workgroup.y * workgroups.x + workgroup.x) * 64u + thread;
+  if i >= work[0].x {
+    return;
+  }
+  let item = work[i + 1u];
+  let pixel = vec2u(item.x & 0xffffu, item.x >> 16u);
+  let place = place_of(pixel);
+  let start = start_at(pixel, textureLoad(receivers, pixel, 0));
+  var near = 0u;
+#if RADIANCE
+  var sum = vec3f(0.0);
+#else
+  var blocked = 0u;
+#endif
+  for (var index = 0u; index < rays_per_pixel(); index++) {
+    for (var turn = 1u; turn <= item.y; turn++) {
+#if STATISTICS
+      nodes_visited = 0u;
+      primitives_tested = 0u;
+#endif
+      let seen = look(start, index, turn);
+      near += seen.nearness;
+#if RADIANCE
+      sum += unpack_color(seen.color);
+#else
+      blocked += select(0u, 1u, seen.blocked);
+#endif
+    }
+  }
+  atomicAdd(&nearness[place], near);
+  counts[place].rays += item.y * rays_per_pixel();
+#if RADIANCE
+  counts[place].sum += sum;
+#else
+  counts[place].blocked += blocked;
+#endif
+}
+
+#else
+
 fn trace_pixel(pixel: vec2u, index: u32) {
   if any(pixel >= params.size) {
     return;
@@ -196,48 +408,13 @@ fn trace_pixel(pixel: vec2u, index: u32) {
   if texel.w == SKY {
     return;
   }
-  let position = receiver_position(texel);
-  let normal = unpack_normal(texel.w);
-  let seen_from = to_camera(camera, position - camera.eye);
-  let point = cell_point(pixel, index, params.columns, params.rows, params.frame);
-#if GLOSSY
-  let roughness = textureLoad(roughness_texture, camera.viewport.xy + pixel, 0).x;
-  let lobe = make_lobe(normal, seen_from, roughness);
-  let drawn = glossy_direction(lobe, point);
-  if drawn.light.z <= 0.0 {
-#if RADIANCE
-    textureStore(hits, pixel, index, vec4u(0u));
-#endif
-    return;
-  }
-  let direction = lobe.frame * drawn.light;
-#else
-  let direction = hemisphere_direction(point, normal, SAMPLING).direction;
-#endif
-  let ray = make_ray(offset_origin(position, normal, seen_from), direction);
-  let place = pixel.y * params.size.x + pixel.x;
-#if RADIANCE
-  let hit = find(ray, pixel, normal);
-  let blocked = hit.primitive != MISS;
-  let distance = hit.t;
-  textureStore(hits, pixel, index, vec4u(pack_color(incoming(ray, hit)), 0u, 0u, 0u));
-#else
-  let distance = meet_any(ray, pixel, normal);
-  let blocked = distance < FAR;
-  if blocked {
-    atomicOr(&hits[place * params.words + index / 32u], 1u << (index & 31u));
+#if COUNTED
+  if index == 0u {
+    counts[place_of(pixel)].rays = rays_per_pixel();
   }
 #endif
-  if blocked {
-    let side = footprint(camera, position - camera.eye);
-    atomicAdd(&nearness[place], u32(round(side / max(distance, side) * NEAREST)));
-  }
-#if STATISTICS
-  atomicAdd(&statistics[0], 1u);
-  atomicAdd(&statistics[1], nodes_visited);
-  atomicAdd(&statistics[2], primitives_tested);
-  atomicAdd(&statistics[3], select(0u, 1u, blocked));
-#endif
+  let start = start_at(pixel, texel);
+  keep(start, index, look(start, index, 0u));
 }
 
 #if STATISTICS
@@ -264,3 +441,6 @@ fn trace(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_ind
   }
 #endif
 }
+
+#endif
+#endif

@@ -15,6 +15,10 @@
 //
 // With #if GLOSSY a receiver mirrors radiance by its lobe (wgsl/common/ggx.wgsl), and a neighbour counts as far as its lobe
 // overlaps the pixel's.
+//
+// With #if COUNTED pixels have different numbers of rays, and those that have none take their light from the others. A pixel
+// counts alike whatever its number: that follows from what its neighbours' rays brought, and weights that did too would
+// give a bias.
 
 #import math
 #import packing
@@ -84,6 +88,18 @@ override SAMPLING: u32 = 0u;
 #if GLOSSY
 @group(0) @binding(5) var roughness_texture: texture_2d<f32>;
 #endif
+#if RAYS
+// Of each pixel, rows from the top (wgsl/bounced_z_buffer.wgsl).
+struct PixelRays {
+#if RADIANCE
+  sum: vec3f,
+#else
+  blocked: u32,
+#endif
+  rays: u32,
+}
+@group(0) @binding(8) var<storage, read> counts: array<PixelRays>;
+#endif
 
 fn size() -> vec2i {
   return vec2i(params.camera.viewport.zw);
@@ -92,6 +108,12 @@ fn size() -> vec2i {
 fn rays_per_pixel() -> u32 {
   return params.columns * params.rows;
 }
+
+#if RAYS
+fn rays_at(at: vec2i) -> u32 {
+  return counts[at.y * size().x + at.x].rays;
+}
+#endif
 
 #if HITS
 // What came along a direction: radiance, or 1 where nothing was hit.
@@ -166,7 +188,7 @@ fn luminance(color: vec3f) -> f32 {
 
 #if AVERAGE
 
-// xyz the mean, w the variance of its luminance.
+// xyz the mean, w the variance of its luminance; with #if COUNTED this is negative where there are no rays.
 @compute @workgroup_size(8, 8)
 fn average(@builtin(global_invocation_id) id: vec3u) {
   let pixel = id.xy;
@@ -176,7 +198,13 @@ fn average(@builtin(global_invocation_id) id: vec3u) {
   let texel = textureLoad(receivers, pixel, 0);
   var mean = vec3f(0.0);
   var variance = 0.0;
-  if texel.w != SKY {
+#if RAYS
+  let has_rays = texel.w != SKY && rays_at(vec2i(pixel)) > 0u;
+  variance = -1.0;
+#else
+  let has_rays = texel.w != SKY;
+#endif
+  if has_rays {
     let normal = unpack_normal(texel.w);
     var sum = vec3f(0.0);
     var weights = 0.0;
@@ -205,33 +233,35 @@ fn average(@builtin(global_invocation_id) id: vec3u) {
     let per_weight = 1.0 / max(weights, 1e-6);
     mean = sum * per_weight;
     let spread = max(squares * per_weight - luminance(mean) * luminance(mean), 0.0);
+    var rays = f32(rays_per_pixel());
+#if RAYS
+    // Of rays beyond the first set the sums are known; what they spread is taken to be the same.
+    let own = counts[pixel.y * params.camera.viewport.z + pixel.x];
+    if own.rays > rays_per_pixel() {
+#if RADIANCE
+      sum += own.sum;
+#else
+      sum += vec3f(f32(own.rays - rays_per_pixel() - own.blocked));
+#endif
+      rays = f32(own.rays);
+      mean = sum / rays;
+    }
+#endif
     // Directions are stratified, which halves it; few that agree may do so by chance, by half of one of them.
 #if RADIANCE
     let whole = luminance(mean);
 #else
     let whole = 1.0;
 #endif
-    let chance = 0.5 * whole / f32(rays_per_pixel());
-    variance = 0.5 * spread / f32(rays_per_pixel()) + chance * chance;
+    let chance = 0.5 * whole / rays;
+    variance = 0.5 * spread / rays + chance * chance;
   }
   textureStore(means, pixel, vec4f(mean, variance));
 }
 
 #else
 
-// How far a neighbour's surface is the pixel's own: 1 where it lies in its tangent plane and is turned alike. `d` leads from the
-// pixel to it.
-fn kinship(normal: vec3f, other_normal: vec3f, d: vec3f, per_tolerance: f32) -> f32 {
-  let off_plane = max(abs(dot(normal, d)), abs(dot(other_normal, d))) * per_tolerance;
-  let in_plane = max(1.0 - off_plane * off_plane, 0.0);
-  let alike = max(1.0 - (params.normal_power / 8.0) * (1.0 - dot(normal, other_normal)), 0.0);
-  let alike4 = alike * alike * alike * alike;
-  return in_plane * in_plane * alike4 * alike4;
-}
-
-fn per_tolerance_at(pixel: f32) -> f32 {
-  return 1.0 / max(params.plane_distance * pixel, 1e-30);
-}
+#import kinship
 
 #if NEAR
 
@@ -258,17 +288,27 @@ fn near(@builtin(global_invocation_id) id: vec3u) {
         if other.w == SKY {
           continue;
         }
+        var rays = f32(rays_per_pixel());
+#if RAYS
+        rays = f32(rays_at(vec2i(x, y)));
+        if rays == 0.0 {
+          continue;
+        }
+#endif
         let there = receiver_position(other);
         var weight = kinship(normal, unpack_normal(other.w), there - position, per_tolerance);
         if x == at.x && y == at.y {
           weight = 1.0;
         }
         let side = footprint(params.camera, there - params.camera.eye);
-        let units = f32(rays_per_pixel()) * NEAREST * max(side, 1e-30);
+        let units = rays * NEAREST * max(side, 1e-30);
         sum += weight * f32(nearness[y * size().x + x]) / units;
         weights += weight;
       }
     }
+#if RAYS
+    weights = max(weights, 1e-30);
+#endif
     mean = sum / weights;
   }
   textureStore(inverse_distances, at, vec4f(mean));
@@ -295,6 +335,32 @@ fn value_of(color: vec3f) -> Value {
   return color.x;
 #endif
 }
+
+// What the picture has of a window's value.
+fn shown(pixel: vec2i, value: Value) -> vec4f {
+#if RADIANCE
+  // A plane may fall below what there is.
+  let color = max(value, vec3f(0.0));
+#if ALBEDO
+  return vec4f(color * decode_albedo(textureLoad(albedo_texture, pixel, 0).xyz), 1.0);
+#else
+  return vec4f(color, 1.0);
+#endif
+#else
+  return vec4f(vec3f(clamp(value, 0.0, 1.0)), 1.0);
+#endif
+}
+
+#if COUNTED
+// Where no pixel in sight has rays nothing is known: open, and dark.
+#if RADIANCE
+const OPEN: vec3f = vec3f(0.0);
+#else
+const OPEN: f32 = 1.0;
+#endif
+// The least sum of neighbours' weights that a plane is fitted to.
+const LEAST_KIN: f32 = 1e-3;
+#endif
 
 @fragment
 fn reconstruct(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
@@ -335,6 +401,11 @@ fn resolved(fragment: vec4f) -> vec4f {
   var sum = value_of(vec3f(0.0));
   var sum_u = sum;
   var sum_v = sum;
+#if COUNTED
+  // For a pixel without rays that no neighbour with rays is kin to.
+  var near_sum = sum;
+  var near_weights = 0.0;
+#endif
   for (var y = low.y; y <= high.y; y++) {
     for (var x = low.x; x <= high.x; x++) {
       let there = vec2i(x, y);
@@ -342,6 +413,16 @@ fn resolved(fragment: vec4f) -> vec4f {
       if other.w == SKY {
         continue;
       }
+#if COUNTED
+      if textureLoad(means, there, 0).w < 0.0 {
+        continue;
+      }
+      if own.w < 0.0 {
+        let near = exp(-dot(vec2f(there - at), vec2f(there - at)) * params.falloff);
+        near_sum += near * value_of(textureLoad(means, there, 0).xyz);
+        near_weights += near;
+      }
+#endif
       let other_normal = unpack_normal(other.w);
       let d = receiver_position(other) - position;
       var weight = kinship(normal, other_normal, d, per_tolerance);
@@ -352,7 +433,7 @@ fn resolved(fragment: vec4f) -> vec4f {
       let aside = vec2f(there - at);
       let hits_aside = length(d) * max(inverse_distance, textureLoad(inverse_distances, there, 0).x) * params.per_hit_distance;
       var distance = dot(aside, aside) * params.falloff + hits_aside * hits_aside;
-      if params.variance_clamp > 0.0 {
+      if params.variance_clamp > 0.0 && own.w >= 0.0 {
         let difference = luminance(theirs.xyz) - luminance(own.xyz);
         let allowed = params.variance_clamp * params.variance_clamp * (theirs.w + own.w) + 1e-30;
         distance += difference * difference / allowed;
@@ -407,6 +488,11 @@ fn resolved(fragment: vec4f) -> vec4f {
       sum_v += weighted * place.y;
     }
   }
+#if COUNTED
+  if own.w < 0.0 && weights < LEAST_KIN {
+    return shown(corner + at, select(OPEN, near_sum / max(near_weights, 1e-30), near_weights > 0.0));
+  }
+#endif
   // The plane through the window's mean at the middle of its weights, and its value at the pixel.
   let per_weight = 1.0 / max(weights, 1e-6);
   let average = sum * per_weight;
@@ -421,17 +507,7 @@ fn resolved(fragment: vec4f) -> vec4f {
   let slope_u = (vv * along_u - uv * along_v) * per_determinant;
   let slope_v = (uu * along_v - uv * along_u) * per_determinant;
   let value = own_value + average - slope_u * middle.x - slope_v * middle.y;
-#if RADIANCE
-  // A plane may fall below what there is.
-  let color = max(value, vec3f(0.0));
-#if ALBEDO
-  return vec4f(color * decode_albedo(textureLoad(albedo_texture, corner + at, 0).xyz), 1.0);
-#else
-  return vec4f(color, 1.0);
-#endif
-#else
-  return vec4f(vec3f(clamp(value, 0.0, 1.0)), 1.0);
-#endif
+  return shown(corner + at, value);
 }
 
 #endif

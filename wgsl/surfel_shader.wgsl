@@ -6,7 +6,12 @@
 // Surfaces are Lambertian and two-sided. A light is on one side of a surfel's plane, and lights that side alone.
 //
 // Variants: SHADOW_MAP looks shadows up in the caller's depth maps, SHADOW_TRACED along a ray; SAMPLES lights a surfel at several
-// points of its own triangle, so that the edge of a shadow that crosses it is averaged.
+// points of its own triangle, so that the edge of a shadow that crosses it is averaged. RAY_QUERY, with SHADOW_TRACED, lets the
+// device itself traverse, a structure of its own.
+
+#if RAY_QUERY
+enable wgpu_ray_query;
+#endif
 
 #import math
 #import packing
@@ -37,7 +42,7 @@ struct Params {
 @group(0) @binding(3) var<storage, read> counters: Counters;
 @group(0) @binding(4) var<storage, read> materials: array<Material>;
 @group(0) @binding(5) var<storage, read_write> radiance: array<SurfelRadiance>;
-#if SAMPLES
+#if SAMPLES || RAY_QUERY
 @group(0) @binding(6) var<storage, read> pieces: array<Piece>;
 #endif
 
@@ -53,10 +58,16 @@ fn lit(point: vec3f, side: vec3f) -> f32 {
 }
 #else
 #if SHADOW_TRACED
+#if RAY_QUERY
+@group(0) @binding(9) var scene: acceleration_structure;
+
+#import ray_query_traverse
+#else
 @group(0) @binding(9) var nodes: texture_2d<u32>;
 @group(0) @binding(10) var triangles: texture_2d<u32>;
 
 #import bvh_traverse
+#endif
 #import shadow_ray
 
 fn lit(point: vec3f, side: vec3f) -> f32 {

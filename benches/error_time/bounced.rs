@@ -8,7 +8,7 @@ use super::{
     stage::Stage,
 };
 use support::{
-    bounced::BouncedRenderer,
+    bounced::{BouncedRenderer, RayRoom},
     presets::{self, BouncedPreset},
 };
 
@@ -41,8 +41,11 @@ impl Bounced {
                 payload,
                 capacity,
                 size,
-                MAX_RAYS_PER_PIXEL,
-                counting,
+                RayRoom {
+                    rays_per_pixel: MAX_RAYS_PER_PIXEL,
+                    statistics: counting,
+                    ..RayRoom::default()
+                },
             )
             .map_err(|e| e.to_string())
         };

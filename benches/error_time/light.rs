@@ -1,6 +1,6 @@
 //! One bounce of diffuse light: by the bounced z-buffer, and by what the depth buffer alone allows.
 
-use deep_screen_space::{CloudCapacity, Payload, glam::DVec3, wgpu::TextureView};
+use deep_screen_space::{CloudCapacity, Payload, RaySettings, glam::DVec3, wgpu::TextureView};
 use serde_json::{Value, json};
 
 use super::{
@@ -9,12 +9,15 @@ use super::{
 };
 use support::depth_only::{DepthOnly, Frame, IndirectSettings};
 use support::{
-    bounced::BouncedRenderer,
+    bounced::{BouncedRenderer, RayRoom},
     presets::{self, BouncedPreset},
 };
 
 /// Directions, from cheap to dear; the filter follows.
 const LADDER: [u32; 7] = [1, 2, 4, 8, 16, 36, 64];
+
+/// Half of the rays, of those that go where noise is.
+const HALVES: [u32; 5] = [2, 4, 8, 18, 32];
 
 /// Directions, steps along each and half width of the filter, from cheap to dear.
 const MARCHES: [[u32; 3]; 7] = [
@@ -53,9 +56,13 @@ impl BouncedLight {
         };
         let size = stage.effort.size;
         let most = LADDER[LADDER.len() - 1];
-        let renderer =
-            BouncedRenderer::new(stage.gpu, Payload::LitRadiance, capacity, size, most, false)
-                .map_err(|e| e.to_string())?;
+        let room = RayRoom {
+            rays_per_pixel: most,
+            counted: true,
+            ..RayRoom::default()
+        };
+        let renderer = BouncedRenderer::new(stage.gpu, Payload::LitRadiance, capacity, size, room)
+            .map_err(|e| e.to_string())?;
         Ok(Self { renderer, level })
     }
 }
@@ -83,12 +90,22 @@ impl Method for BouncedLight {
             value: rays_per_pixel.to_string(),
             setting: presets::bounced(rays_per_pixel, Payload::LitRadiance, f32::INFINITY),
         }));
+        // As many rays everywhere as further ones, which go where noise is.
+        all.extend(HALVES.map(|half| Variant {
+            knob: "further",
+            value: format!("{half} + {half}"),
+            setting: presets::of(
+                &RaySettings::with_further(half, half as f32, Payload::LitRadiance),
+                f32::INFINITY,
+            ),
+        }));
         all
     }
 
     fn describe(preset: &BouncedPreset) -> Value {
         json!({
             "rays_per_pixel": preset.bounced.rays_per_pixel,
+            "further_rays": preset.further.map_or(0.0, |further| further.rays_per_pixel),
             "window": preset.reconstructor.radius,
             "variance_clamp": preset.reconstructor.variance_clamp,
         })
@@ -115,7 +132,9 @@ impl Method for BouncedLight {
 
     fn work(&mut self, stage: &Stage<'_>, preset: &BouncedPreset) -> Result<Value, String> {
         let pixels: u32 = stage.effort.size.iter().product();
-        Ok(json!({ "most_rays": pixels * preset.bounced.rays_per_pixel * 2 }))
+        let further = preset.further.map_or(0.0, |further| further.rays_per_pixel);
+        let rays = preset.bounced.rays_per_pixel + further.ceil() as u32;
+        Ok(json!({ "most_rays": pixels * rays * 2 }))
     }
 }
 

@@ -42,7 +42,7 @@ use rayon::prelude::*;
 use serde::Deserialize;
 use support::{
     bench,
-    bounced::BouncedRenderer,
+    bounced::{BouncedRenderer, RayRoom},
     gltf::load_gltf,
     gpu::{Ask, Gpu},
     presets::bounced_preset,
@@ -258,9 +258,13 @@ fn measure(
     let trace = |payload, radius, statistics, lights: &[Light]| {
         let mut preset = bounced_preset("balanced", payload, radius).expect("a preset");
         preset.bounced.rays_per_pixel = RAYS_PER_PIXEL;
+        let room = RayRoom {
+            rays_per_pixel: RAYS_PER_PIXEL,
+            statistics,
+            ..RayRoom::default()
+        };
         let mut renderer =
-            BouncedRenderer::new(gpu, payload, capacity, size, RAYS_PER_PIXEL, statistics)
-                .expect("within limits");
+            BouncedRenderer::new(gpu, payload, capacity, size, room).expect("within limits");
         let mut best: Option<Vec<(&str, f64)>> = None;
         // The first compiles the pipelines.
         let runs = if statistics { 0 } else { RUNS };

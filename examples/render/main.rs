@@ -85,6 +85,10 @@ pub(crate) struct Options {
     /// Rays per pixel in place of the preset's, and the filter that suits them, for the bounced z-buffer.
     #[arg(long)]
     rays_per_pixel: Option<u32>,
+    /// So many further rays per pixel on average, which go where noise is greatest, and the filter that suits all of them, for
+    /// the bounced z-buffer.
+    #[arg(long)]
+    further_rays: Option<f32>,
     /// Half width of the filter's window in pixels in place of what suits the number of rays, for the bounced z-buffer.
     #[arg(long)]
     window: Option<u32>,

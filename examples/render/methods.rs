@@ -1,13 +1,18 @@
 //! The ways to render a picture.
 
 use deep_screen_space::{
-    AmbientOcclusion, CloudCapacity, Error, Overlap, Payload, Piece, SurfelCounts, scenes::Scene,
+    AmbientOcclusion, CloudCapacity, Error, Overlap, Payload, Piece, RaySettings, SurfelCounts,
+    scenes::Scene,
 };
 use serde_json::{Value, json};
 
 use super::{Options, view::Shot};
 use support::{
-    ambient_occlusion::Renderer, bounced::BouncedRenderer, gpu::Gpu, presets, raster::Raster,
+    ambient_occlusion::Renderer,
+    bounced::{BouncedRenderer, RayRoom},
+    gpu::Gpu,
+    presets,
+    raster::Raster,
     scene::SceneBuffers,
 };
 
@@ -211,6 +216,11 @@ pub fn bounced(
     if let Some(rays_per_pixel) = options.rays_per_pixel {
         preset = presets::bounced(rays_per_pixel, payload, radius);
     }
+    if let Some(further) = options.further_rays {
+        let rays_per_pixel = preset.bounced.rays_per_pixel;
+        let rays = RaySettings::with_further(rays_per_pixel, further, payload);
+        preset = presets::of(&rays, radius);
+    }
     if let Some(window) = options.window {
         preset.reconstructor.radius = window;
     }
@@ -218,11 +228,16 @@ pub fn bounced(
     let raster = Raster::draw(gpu, &buffers, &camera);
     let size = [shot.width, shot.height];
     let rays_per_pixel = preset.bounced.rays_per_pixel;
+    let room = RayRoom {
+        rays_per_pixel,
+        counted: preset.further.is_some(),
+        ..RayRoom::default()
+    };
     let lights = &shot.lights;
     let (renderer, picture, capacity) = with_room(
         (gpu, options, &buffers),
         0,
-        |capacity| BouncedRenderer::new(gpu, payload, capacity, size, rays_per_pixel, false),
+        |capacity| BouncedRenderer::new(gpu, payload, capacity, size, room),
         |renderer| renderer.render(gpu, &raster, &buffers, &camera, lights, &preset),
         |picture| (picture.total_ms(), picture.counts),
     )?;
@@ -236,6 +251,7 @@ pub fn bounced(
         passes: picture.passes,
         settings: json!({
             "rays_per_pixel": rays_per_pixel,
+            "further_rays": preset.further.map_or(0.0, |further| further.rays_per_pixel),
             "window": preset.reconstructor.radius,
             "spread": preset.reconstructor.spread,
             "hit_distances": preset.reconstructor.hit_distances,

@@ -4,8 +4,9 @@ use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Bvh, BvhBuilder,
     Camera, CloudCapacity, Error, GBuffer, Geometry, HitLighting, HitRadiance, HitResolver,
     HitResolverDescriptor, HitResolverInput, HitResolverSettings, HitResolverView, Light, Payload,
-    Primitives, Reach, Sampling, ShadedLight, Shadow, SurfelCloud, SurfelCounts, SurfelShader,
-    SurfelShaderInput, SurfelShaderSettings, Surfelizer, SurfelizerInput, SurfelizerSettings, wgpu,
+    Primitives, RayBudget, RayBudgetInput, RayBudgetSettings, RayBudgetView, Reach, Sampling,
+    ShadedLight, Shadow, SurfelCloud, SurfelCounts, SurfelShader, SurfelShaderInput,
+    SurfelShaderSettings, Surfelizer, SurfelizerInput, SurfelizerSettings, wgpu,
 };
 
 use super::{
@@ -141,6 +142,8 @@ pub struct Gatherer {
     resolver: HitResolver,
     pub view: BouncedView,
     scratch: HitResolverView,
+    /// Where rays are counted.
+    budget: Option<(RayBudget, RayBudgetView)>,
     /// The picture.
     pub target: wgpu::TextureView,
 }
@@ -159,12 +162,19 @@ impl Gatherer {
             payload: descriptor.payload,
             sampling: descriptor.sampling,
             statistics,
+            counted: descriptor.counted,
             ..BouncedDescriptor::default()
         };
         let bounced = BouncedZBuffer::new(device, &bounced)?;
         let resolver = HitResolver::new(device, &descriptor)?;
         let view = bounced.create_view(device, width, height, rays_per_pixel)?;
+        let budget = descriptor.counted.then(|| -> Result<_, Error> {
+            let budget = RayBudget::new(device)?;
+            let room = budget.create_view(device, width, height)?;
+            Ok((budget, room))
+        });
         Ok(Self {
+            budget: budget.transpose()?,
             scratch: resolver.create_view(device, &view)?,
             view,
             target: gpu.target(descriptor.target, width, height),
@@ -183,6 +193,7 @@ impl Gatherer {
         camera: &Camera,
         scene: &TracedScene,
         (traced, settings): (&BouncedSettings, &HitResolverSettings),
+        further: Option<&RayBudgetSettings>,
     ) -> Result<Vec<Timed>, Error> {
         let device = &gpu.device;
         let radiance = match (self.descriptor.payload, &scene.materials) {
@@ -201,26 +212,43 @@ impl Gatherer {
         };
         let origin = scene.cloud.origin();
         let (decode_ms, frame) = self.decoding.frame(gpu, gbuffer, camera, origin)?;
-        let (trace_ms, done) = gpu.time(|encoder| {
-            let input = BouncedInput {
-                radiance,
-                ..BouncedInput::new(&frame, &scene.cloud, &scene.bvh)
-            };
+        let input = BouncedInput {
+            radiance,
+            ..BouncedInput::new(&frame, &scene.cloud, &scene.bvh)
+        };
+        let mut passes = vec![("decode", decode_ms)];
+        let (ms, done) = gpu.time(|encoder| {
             self.bounced
                 .record(device, encoder, &input, traced, &self.view)
         });
         done?;
+        passes.push(("trace", ms));
+        if let (Some(further), Some((budget, room))) = (further, &self.budget) {
+            let (ms, done) = gpu.time(|encoder| {
+                let hits = (&frame, &self.view);
+                self.resolver
+                    .estimate(device, encoder, hits, settings, &self.scratch)?;
+                let input = RayBudgetInput::new(&frame, &self.view, &self.scratch, settings);
+                budget.record(device, encoder, &input, further, room)
+            });
+            done?;
+            passes.push(("budget", ms));
+            let (ms, done) = gpu.time(|encoder| {
+                let into = (&self.view, room);
+                self.bounced
+                    .record_more(device, encoder, &input, traced, into)
+            });
+            done?;
+            passes.push(("more", ms));
+        }
         let (resolve_ms, done) = gpu.time(|encoder| {
             let input = HitResolverInput::new(&frame, &self.view, self.target.texture());
             self.resolver
                 .record(device, encoder, &input, settings, &self.scratch)
         });
         done?;
-        Ok(vec![
-            ("decode", decode_ms),
-            ("trace", trace_ms),
-            ("reconstruct", resolve_ms),
-        ])
+        passes.push(("reconstruct", resolve_ms));
+        Ok(passes)
     }
 
     /// The picture, where the target is of four `f32`.
@@ -258,6 +286,15 @@ impl Picture {
     }
 }
 
+/// What a [`BouncedRenderer`] has room for.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct RayRoom {
+    pub rays_per_pixel: u32,
+    /// Whether further rays go where noise is greatest.
+    pub counted: bool,
+    pub statistics: bool,
+}
+
 impl BouncedRenderer {
     /// No surfels are made, of whatever capacity: rays meet triangles, and are lit where they do.
     pub fn new(
@@ -265,13 +302,18 @@ impl BouncedRenderer {
         payload: Payload,
         capacity: CloudCapacity,
         size: [u32; 2],
-        rays_per_pixel: u32,
-        statistics: bool,
+        room: RayRoom,
     ) -> Result<Self, Error> {
+        let RayRoom {
+            rays_per_pixel,
+            counted,
+            statistics,
+        } = room;
         let descriptor = HitResolverDescriptor {
             payload,
             sampling: Sampling::default(),
             deferred: false,
+            counted,
             target: wgpu::TextureFormat::Rgba32Float,
         };
         let gatherer = Gatherer::new(gpu, descriptor, size, rays_per_pixel, statistics)?;
@@ -292,6 +334,11 @@ impl BouncedRenderer {
             + self.gatherer.decoding.memory_bytes()
             + self.gatherer.view.memory_bytes()
             + self.gatherer.scratch.memory_bytes()
+            + self
+                .gatherer
+                .budget
+                .as_ref()
+                .map_or(0, |(_, room)| room.memory_bytes())
     }
 
     /// Renders once, one submission per pass, so that each can be timed on any driver.
@@ -317,7 +364,8 @@ impl BouncedRenderer {
         let (traced, gatherer) = (&mut self.scene, &mut self.gatherer);
         let mut passes = traced.update(gpu, scene, camera, lights, (&settings, 1))?;
         let how = (&preset.bounced, &preset.reconstructor);
-        passes.extend(gatherer.render(gpu, (raster, None), camera, traced, how)?);
+        let further = preset.further.as_ref();
+        passes.extend(gatherer.render(gpu, (raster, None), camera, traced, how, further)?);
         let counts: Vec<SurfelCounts> = gpu.read_buffer(traced.cloud.counters());
         Ok(Picture {
             pixels: gatherer.pixels(gpu),

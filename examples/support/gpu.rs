@@ -41,6 +41,35 @@ impl Ask {
     }
 }
 
+impl Ask {
+    fn of(self, adapter: &wgpu::Adapter) -> (wgpu::Features, wgpu::Limits) {
+        let floor = wgpu::Limits::default();
+        match self {
+            Self::Floor => (wgpu::Features::empty(), floor),
+            Self::Useful => (
+                adapter.features() & (wgpu::Features::SUBGROUP | wgpu::Features::TIMESTAMP_QUERY),
+                floor,
+            ),
+            Self::Room => {
+                let offered = adapter.limits();
+                let limits = wgpu::Limits {
+                    max_buffer_size: offered.max_buffer_size.max(floor.max_buffer_size),
+                    max_storage_buffer_binding_size: offered
+                        .max_storage_buffer_binding_size
+                        .max(floor.max_storage_buffer_binding_size),
+                    ..floor
+                };
+                (wgpu::Features::empty(), limits)
+            }
+            // Experimental features need an unsafe token.
+            Self::All => (
+                adapter.features() & !wgpu::Features::all_experimental_mask(),
+                adapter.limits(),
+            ),
+        }
+    }
+}
+
 /// A device with its queue.
 pub struct Gpu {
     pub device: wgpu::Device,
@@ -51,6 +80,37 @@ pub struct Gpu {
 impl Gpu {
     /// Opens the first adapter that wgpu prefers; one line says why there is none.
     pub fn open(ask: Ask) -> Result<Self, String> {
+        Self::open_as(|adapter| {
+            let (features, limits) = ask.of(adapter);
+            Ok((features, limits, wgpu::ExperimentalFeatures::disabled()))
+        })
+    }
+
+    /// One for rays that the device traces itself, given the token that says so: with limits, or with the floor and all that the
+    /// adapter offers for such rays. One line says where it offers none.
+    pub fn open_for_ray_queries(
+        token: wgpu::ExperimentalFeatures,
+        limits: Option<wgpu::Limits>,
+    ) -> Result<Self, String> {
+        Self::open_as(|adapter| {
+            let feature = wgpu::Features::EXPERIMENTAL_RAY_QUERY;
+            if !adapter.features().contains(feature) {
+                return Err(format!("{} offers no ray queries", adapter.get_info().name));
+            }
+            let limits = limits.unwrap_or_else(|| {
+                wgpu::Limits::default().using_acceleration_structure_values(adapter.limits())
+            });
+            let times = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
+            Ok((feature | times, limits, token))
+        })
+    }
+
+    fn open_as(
+        ask: impl FnOnce(
+            &wgpu::Adapter,
+        )
+            -> Result<(wgpu::Features, wgpu::Limits, wgpu::ExperimentalFeatures), String>,
+    ) -> Result<Self, String> {
         pollster::block_on(async {
             let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
             // lavapipe of Mesa 22.3 (Debian 12) crashes on debug labels inside command buffers.
@@ -63,36 +123,13 @@ impl Gpu {
                 })
                 .await
                 .map_err(|e| format!("no graphics adapter: {e} (scripts/demo.sh installs a software Vulkan driver)"))?;
-            let (required_features, required_limits) = match ask {
-                Ask::Floor => (wgpu::Features::empty(), wgpu::Limits::default()),
-                Ask::Useful => (
-                    adapter.features()
-                        & (wgpu::Features::SUBGROUP | wgpu::Features::TIMESTAMP_QUERY),
-                    wgpu::Limits::default(),
-                ),
-                Ask::Room => {
-                    let offered = adapter.limits();
-                    let floor = wgpu::Limits::default();
-                    let limits = wgpu::Limits {
-                        max_buffer_size: offered.max_buffer_size.max(floor.max_buffer_size),
-                        max_storage_buffer_binding_size: offered
-                            .max_storage_buffer_binding_size
-                            .max(floor.max_storage_buffer_binding_size),
-                        ..floor
-                    };
-                    (wgpu::Features::empty(), limits)
-                }
-                // Experimental features need an unsafe token, and none is of use here.
-                Ask::All => (
-                    adapter.features() & !wgpu::Features::all_experimental_mask(),
-                    adapter.limits(),
-                ),
-            };
+            let (required_features, required_limits, experimental_features) = ask(&adapter)?;
             let (device, queue) = adapter
                 .request_device(&wgpu::DeviceDescriptor {
                     label: Some("deep-screen-space"),
                     required_features,
                     required_limits,
+                    experimental_features,
                     ..Default::default()
                 })
                 .await

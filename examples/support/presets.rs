@@ -1,8 +1,8 @@
 //! The crate's qualities by name (`benches/error_time` draws all of the curve of error over time), for each method.
 
 use deep_screen_space::{
-    BouncedSettings, HitResolverSettings, Payload, Quality, RaySettings, SplatQuality,
-    SurfelizerSettings,
+    BouncedSettings, HitResolverSettings, Payload, Quality, RayBudgetSettings, RaySettings,
+    SplatQuality, SurfelizerSettings,
 };
 
 /// Settings of the passes that splat.
@@ -13,6 +13,8 @@ pub type Preset = SplatQuality;
 pub struct BouncedPreset {
     pub surfelizer: SurfelizerSettings,
     pub bounced: BouncedSettings,
+    /// For rays that are counted.
+    pub further: Option<RayBudgetSettings>,
     pub reconstructor: HitResolverSettings,
 }
 
@@ -32,13 +34,16 @@ pub fn preset(name: &str, radius: f32) -> Option<Preset> {
 
 /// One of [`NAMES`], for hits nearer than `radius`.
 pub fn bounced_preset(name: &str, payload: Payload, radius: f32) -> Option<BouncedPreset> {
-    let rays_per_pixel = quality(name)?.rays(payload).rays_per_pixel;
-    Some(bounced(rays_per_pixel, payload, radius))
+    Some(of(&quality(name)?.rays(payload), radius))
 }
 
 /// So many rays per pixel, and the filter that suits them.
 pub fn bounced(rays_per_pixel: u32, payload: Payload, radius: f32) -> BouncedPreset {
-    let rays = RaySettings::new(rays_per_pixel, payload);
+    of(&RaySettings::new(rays_per_pixel, payload), radius)
+}
+
+/// Whatever rays there are to be.
+pub fn of(rays: &RaySettings, radius: f32) -> BouncedPreset {
     BouncedPreset {
         surfelizer: SurfelizerSettings {
             // Small triangles whole: hits are exact.
@@ -46,6 +51,7 @@ pub fn bounced(rays_per_pixel: u32, payload: Payload, radius: f32) -> BouncedPre
             ..SurfelizerSettings::default()
         },
         bounced: rays.bounced(radius),
+        further: rays.further,
         reconstructor: rays.filter,
     }
 }

@@ -62,8 +62,13 @@ pub struct BouncedDescriptor {
     pub primitives: Primitives,
     /// How directions are drawn.
     pub sampling: Sampling,
-    /// Whether to count into [`BouncedView::statistics`](crate::BouncedView::statistics). Slower; for measuring.
+    /// Whether to count into [`BouncedView::statistics`](crate::BouncedView::statistics). Slower; for measuring. Not with
+    /// `Primitives::RayQuery`, whose steps the device does not tell.
     pub statistics: bool,
+    /// Whether pixels may have different numbers of rays: those of [`BouncedInput::pixels`](crate::BouncedInput::pixels) alone,
+    /// and with [`Sampling::Cosine`] further ones where a [`RayBudget`](crate::RayBudget) puts them. Views then take 8 bytes per
+    /// pixel more, and 16 with radiance.
+    pub counted: bool,
 }
 
 impl BouncedDescriptor {
@@ -72,15 +77,22 @@ impl BouncedDescriptor {
         self.payload == Payload::LitRadiance
     }
 
+    /// Whether pixels may have further rays: their sums are kept, of which only cosine sampling's are what arrives.
+    pub(crate) fn takes_more(&self) -> bool {
+        self.counted && self.sampling == Sampling::Cosine
+    }
+
     pub(crate) fn flags(&self) -> Vec<&'static str> {
         let mut flags = Vec::new();
         flags.extend(self.payload.is_radiance().then_some("RADIANCE"));
-        flags.extend(matches!(self.primitives, Primitives::Disks { .. }).then_some("DISKS"));
+        flags.extend(self.primitives.are_disks().then_some("DISKS"));
+        flags.extend(self.primitives.by_device().then_some("RAY_QUERY"));
         if self.lit() {
             flags.extend(["LIT", "SHADOW_RAYS"]);
         }
         flags.extend(self.statistics.then_some("STATISTICS"));
         flags.extend((self.sampling == Sampling::Glossy).then_some("GLOSSY"));
+        flags.extend(self.counted.then_some("COUNTED"));
         flags
     }
 }

@@ -12,12 +12,12 @@ use wgpu::{
 
 use self::{
     descriptor::{BouncedDescriptor, HitLighting, HitRadiance, Payload},
-    params::{BouncedParams, DiskParams, LightsParams, MAX_LIGHTS},
+    params::{BouncedParams, DiskParams, LightsParams, MAX_LIGHTS, pixel_rays_bytes},
     settings::{BouncedSettings, MAX_RAYS_PER_PIXEL, Sampling},
     view::{BouncedView, Hits, Traced},
 };
 use crate::{
-    bvh::{Bvh, Primitives},
+    bvh::{Bvh, Primitives, disks::DiskBounds},
     effect::Listing,
     error::{Error, check_setting},
     geometry::Material,
@@ -25,15 +25,18 @@ use crate::{
     gpu::listing::name_of,
     gpu::{
         Kernel, Timestamps,
-        binding::{self, Kept, Layout, whole},
+        binding::{self, Kept, Layout, Named, Resource, whole},
         check_timestamps, compute_pass, shader, storage,
-        uniforms::{Parameters, Uniforms},
+        uniforms::{Parameters, Place, Uniforms},
     },
+    ray_budget::view::RayBudgetView,
     receivers::{Frame, check_view_size, plane},
     recorded::Last,
     surfel::Placement,
     surfel::SurfelCloud,
     surfel_shader::radiance_bytes,
+    texture_slice::TextureSlice,
+    work::PixelList,
 };
 
 const SOURCE: &str = include_str!("../../wgsl/bounced_z_buffer.wgsl");
@@ -51,6 +54,38 @@ pub struct BouncedZBuffer {
     layout: Layout,
     uniforms: Uniforms,
     trace: ComputePipeline,
+    /// Where rays are counted: for listed pixels, and for further rays.
+    listed: Option<(Layout, ComputePipeline)>,
+    more: Option<(Layout, ComputePipeline)>,
+}
+
+/// Which pixels a kernel takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    /// All.
+    All,
+    /// Those of a [`PixelList`].
+    Listed,
+    /// Those that a [`RayBudgetView`] lists, for further rays.
+    More,
+}
+
+impl Stage {
+    fn flag(self) -> Option<&'static str> {
+        match self {
+            Self::All => None,
+            Self::Listed => Some("LIST"),
+            Self::More => Some("MORE"),
+        }
+    }
+
+    fn entry(self) -> &'static str {
+        match self {
+            Self::All => "trace",
+            Self::Listed => "trace_listed",
+            Self::More => "trace_more",
+        }
+    }
 }
 
 /// What one recording of the [`BouncedZBuffer`] works on.
@@ -67,21 +102,44 @@ pub struct BouncedInput<'a> {
     pub bvh: &'a Bvh,
     /// Where the radiance of hits comes from, as the [`Payload`] asks.
     pub radiance: HitRadiance<'a>,
+    /// The pixels that are to have rays, if not all are, for a view whose rays are counted: those of any number of sub-images,
+    /// such as [`MultiResView::works`](crate::MultiResView::works) gives. A pixel that several list is traced once. The
+    /// [`HitResolver`](crate::HitResolver) takes the others' light from the neighbours, so that its window has to reach
+    /// listed ones. Not of use to [`BouncedZBuffer::record_more`].
+    pub pixels: Option<&'a [PixelList<'a>]>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
 
 impl<'a> BouncedInput<'a> {
-    /// For [`Payload::Occlusion`], without timestamps.
+    /// For [`Payload::Occlusion`] at all pixels, without timestamps.
     pub fn new(frame: &'a Frame<'a>, cloud: &'a SurfelCloud, bvh: &'a Bvh) -> Self {
         Self {
             frame,
             cloud,
             bvh,
             radiance: HitRadiance::None,
+            pixels: None,
             timestamps: None,
         }
     }
+}
+
+/// What one recording traces.
+#[derive(Clone, Copy)]
+enum Work<'a> {
+    All,
+    Lists(&'a [PixelList<'a>]),
+    More(&'a RayBudgetView),
+}
+
+/// What rays read, checked.
+struct Checked<'a> {
+    radiance: Option<&'a Buffer>,
+    lighting: Option<HitLighting<'a>>,
+    roughness: Option<TextureSlice<'a>>,
+    primitives: Vec<Named<'a>>,
+    disks: Option<&'a DiskBounds>,
 }
 
 impl BouncedZBuffer {
@@ -90,37 +148,52 @@ impl BouncedZBuffer {
         &self.descriptor
     }
 
-    /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`.
+    /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`, but for `Primitives::RayQuery`.
     ///
     /// # Errors
-    /// [`Error::Limit`] where the device was made with less than that; [`Error::Setting`] for levels out of range.
+    /// [`Error::Limit`] where the device was made with less than that; [`Error::Setting`] for levels out of range, and for what
+    /// the primitives do not go with; [`Error::Feature`] for ray queries that the device was not made for.
     pub fn new<'a>(
         compiler: impl Into<Compiler<'a>>,
         descriptor: &BouncedDescriptor,
     ) -> Result<Self, Error> {
         let Compiler { device, cache } = compiler.into();
-        descriptor.primitives.validate()?;
+        descriptor.primitives.validate(device)?;
         check_setting(
-            !descriptor.lit() || descriptor.primitives == Primitives::Triangles,
+            !descriptor.lit() || !descriptor.primitives.are_disks(),
             "BouncedDescriptor::primitives",
-            f64::from(u8::from(descriptor.primitives != Primitives::Triangles)),
+            f64::from(u8::from(descriptor.primitives.are_disks())),
             "Primitives::Triangles, with Payload::LitRadiance",
         )?;
-        let module = shader::create(device, LABEL, source(descriptor)?);
-        let layout = module.layout(device, &["trace"]);
-        let trace = Kernel {
-            label: LABEL,
-            module: &module,
-            entry: "trace",
-            layouts: &[&layout.raw],
-            constants: &[("SAMPLING", f64::from(descriptor.sampling.code()))],
-            cache,
-        }
-        .create(device);
+        check_setting(
+            !(descriptor.statistics && descriptor.primitives.by_device()),
+            "BouncedDescriptor::statistics",
+            f64::from(u8::from(descriptor.statistics)),
+            "false, with Primitives::RayQuery",
+        )?;
+        let kernel = |stage: Stage| -> Result<_, Error> {
+            let module = shader::create(device, LABEL, source(descriptor, stage)?);
+            let layout = module.layout(device, &[stage.entry()]);
+            let pipeline = Kernel {
+                label: LABEL,
+                module: &module,
+                entry: stage.entry(),
+                layouts: &[&layout.raw],
+                constants: &[("SAMPLING", f64::from(descriptor.sampling.code()))],
+                cache,
+            }
+            .create(device);
+            Ok((layout, pipeline))
+        };
+        let (layout, trace) = kernel(Stage::All)?;
+        let listed = descriptor.counted.then(|| kernel(Stage::Listed));
+        let more = descriptor.takes_more().then(|| kernel(Stage::More));
         Ok(Self {
             descriptor: *descriptor,
             layout,
             trace,
+            listed: listed.transpose()?,
+            more: more.transpose()?,
             uniforms: Uniforms::new(LABEL),
         })
     }
@@ -177,6 +250,15 @@ impl BouncedZBuffer {
             .statistics
             .then(|| storage(device, "deep-screen-space hit statistics", 24, usage))
             .transpose()?;
+        let counts = self
+            .descriptor
+            .counted
+            .then(|| {
+                let bytes = pixel_rays_bytes(self.descriptor.payload);
+                let bytes = bytes * u64::from(width) * u64::from(height);
+                storage(device, "deep-screen-space rays of pixels", bytes, usage)
+            })
+            .transpose()?;
         Ok(BouncedView {
             size,
             hits,
@@ -184,8 +266,9 @@ impl BouncedZBuffer {
             descriptor: self.descriptor,
             rays_per_pixel,
             statistics,
+            counts,
             recorded: Last::default(),
-            kept: Kept::default(),
+            kept: [Kept::default(), Kept::default()],
         })
     }
 
@@ -194,10 +277,11 @@ impl BouncedZBuffer {
     /// # Errors
     /// What [`BouncedSettings::validate`] and, for lights, [`Light::validate`](crate::Light::validate) find; [`Error::Mismatch`]
     /// where the frame has another origin than the cloud, the view was made for another descriptor or size or for fewer rays, the
-    /// hierarchy for another cloud's capacity, the radiance is none that the payload takes, or the G-buffer lacks the roughness
-    /// that glossy rays need; [`Error::Recording`] where the hierarchy was not recorded from this cloud, since that was;
-    /// [`Error::Buffer`] for radiance that is too small, or for materials; [`Error::Setting`] for too many lights, and where
-    /// radiance of pieces is asked for and the surfels are not leaves of them ([`Placement::Grid`] and [`Placement::Random`]).
+    /// hierarchy for another cloud's capacity, the radiance is none that the payload takes, the G-buffer lacks the roughness
+    /// that glossy rays need, or pixels are listed and rays not counted; [`Error::Recording`] where the hierarchy was not
+    /// recorded from this cloud, since that was; [`Error::Buffer`] for radiance that is too small, for materials, or for lists;
+    /// [`Error::Setting`] for too many lights, and where radiance of pieces is asked for and the surfels are not leaves of them
+    /// ([`Placement::Grid`] and [`Placement::Random`]).
     pub fn record(
         &self,
         device: &Device,
@@ -206,6 +290,94 @@ impl BouncedZBuffer {
         settings: &BouncedSettings,
         view: &BouncedView,
     ) -> Result<(), Error> {
+        let checked = self.check(device, input, settings, view)?;
+        if let Some(lists) = input.pixels {
+            if !self.descriptor.counted {
+                return Err(Error::Mismatch {
+                    name: "BouncedInput::pixels",
+                    found: "rays that are not counted".into(),
+                    needed: "BouncedDescriptor::counted".into(),
+                });
+            }
+            for list in lists {
+                list.check(device, input.frame.viewport())?;
+            }
+        }
+        view.recorded.set(Traced {
+            settings: *settings,
+            place: input.frame.place(),
+            of: input.cloud.last()?,
+            more: false,
+        });
+        let bits = match &view.hits {
+            Hits::Bits(buffer) => Some(buffer),
+            Hits::Colors(_) => None,
+        };
+        let cleared = [
+            view.statistics.as_ref(),
+            view.counts.as_ref(),
+            Some(&view.nearness),
+            bits,
+        ];
+        for buffer in cleared.into_iter().flatten() {
+            encoder.clear_buffer(buffer, 0, None);
+        }
+        let work = input.pixels.map_or(Work::All, Work::Lists);
+        self.trace(device, encoder, (input, &checked), settings, view, work);
+        Ok(())
+    }
+
+    /// Records further rays of the pixels that a budget gives some, for a view that was recorded with these settings. They are
+    /// drawn between those that there are.
+    ///
+    /// # Errors
+    /// As [`BouncedZBuffer::record`]; [`Error::Recording`] where the view was not recorded from this frame and cloud, or the
+    /// budget not for this frame; [`Error::Mismatch`] where the view was recorded with other settings, the budget is of another size, or
+    /// directions are not [`Sampling::Cosine`].
+    pub fn record_more(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        input: &BouncedInput<'_>,
+        settings: &BouncedSettings,
+        (view, budget): (&BouncedView, &RayBudgetView),
+    ) -> Result<(), Error> {
+        let checked = self.check(device, input, settings, view)?;
+        if !self.descriptor.takes_more() {
+            return Err(Error::Mismatch {
+                name: "RayBudgetView",
+                found: format!("{:?}", self.descriptor),
+                needed: "BouncedDescriptor::counted, and Sampling::Cosine".into(),
+            });
+        }
+        let before = view.recorded.get("BouncedView")?;
+        input.cloud.check_source("BouncedView", &before.of)?;
+        input.frame.check_place("BouncedView", &before.place)?;
+        if before.settings != *settings {
+            return Err(Error::Mismatch {
+                name: "BouncedSettings",
+                found: format!("{settings:?}"),
+                needed: format!("{:?}, as the view was recorded with", before.settings),
+            });
+        }
+        budget.check(view)?;
+        view.recorded.set(Traced {
+            more: true,
+            ..before
+        });
+        let work = Work::More(budget);
+        self.trace(device, encoder, (input, &checked), settings, view, work);
+        Ok(())
+    }
+
+    /// All that may be refused, and what rays read.
+    fn check<'a>(
+        &self,
+        device: &Device,
+        input: &BouncedInput<'a>,
+        settings: &BouncedSettings,
+        view: &BouncedView,
+    ) -> Result<Checked<'a>, Error> {
         settings.validate()?;
         check_timestamps(input.timestamps)?;
         let (frame, cloud) = (input.frame, input.cloud);
@@ -216,12 +388,19 @@ impl BouncedZBuffer {
             Sampling::Glossy => Some(frame.gbuffer.roughness_for("Sampling::Glossy")?),
             Sampling::Cosine | Sampling::Uniform => None,
         };
-        let mut parameters = Parameters::new(device);
-        let mut disks = None;
-        let (nodes, primitives) = match self.descriptor.primitives {
-            Primitives::Triangles => {
-                let bounds = input.bvh.triangles(cloud)?;
-                let mut primitives = vec![("triangles", binding::view(&bounds.triangles))];
+        let (primitives, disks) = match self.descriptor.primitives {
+            Primitives::Disks { levels } => {
+                let bounds = input.bvh.disks(cloud, levels)?;
+                let primitives = vec![
+                    ("nodes", binding::view(&bounds.nodes)),
+                    ("counters", whole(&cloud.counters)),
+                    ("surfels", whole(&cloud.surfels)),
+                    ("sources", whole(&cloud.sources)),
+                ];
+                (primitives, Some(bounds))
+            }
+            pieces => {
+                let mut primitives = input.bvh.pieces(cloud, pieces)?;
                 if self.descriptor.payload.is_radiance() {
                     primitives.push(("pieces", whole(&cloud.pieces)));
                 }
@@ -231,57 +410,82 @@ impl BouncedZBuffer {
                         ("surfel_offsets", whole(&cloud.piece_offsets.values)),
                     ]);
                 }
-                (&bounds.nodes, primitives)
-            }
-            Primitives::Disks { levels } => {
-                let bounds = input.bvh.disks(cloud, levels)?;
-                disks = Some(parameters.add(&DiskParams::new(&settings.disks, bounds)));
-                let primitives = vec![
-                    ("counters", whole(&cloud.counters)),
-                    ("surfels", whole(&cloud.surfels)),
-                    ("sources", whole(&cloud.sources)),
-                ];
-                (&bounds.nodes, primitives)
+                (primitives, None)
             }
         };
-
         frame.check_origin(cloud.origin())?;
-        view.recorded.set(Traced {
-            settings: *settings,
-            place: frame.place(),
-            of: cloud.last()?,
-        });
-        if let Some(statistics) = &view.statistics {
-            encoder.clear_buffer(statistics, 0, None);
-        }
-        if let Hits::Bits(buffer) = &view.hits {
-            encoder.clear_buffer(buffer, 0, None);
-        }
-        encoder.clear_buffer(&view.nearness, 0, None);
-        let params = parameters.add(&BouncedParams::new(settings, view.size(), cloud.capacity));
+        cloud.last()?;
+        Ok(Checked {
+            radiance,
+            lighting,
+            roughness,
+            primitives,
+            disks,
+        })
+    }
+
+    fn trace(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        (input, checked): (&BouncedInput<'_>, &Checked<'_>),
+        settings: &BouncedSettings,
+        view: &BouncedView,
+        work: Work<'_>,
+    ) {
+        let (frame, cloud) = (input.frame, input.cloud);
+        let mut parameters = Parameters::new(device);
+        let level = |level| BouncedParams {
+            level,
+            ..BouncedParams::new(settings, view.size(), cloud.capacity)
+        };
+        let params: Vec<_> = match work {
+            Work::Lists(lists) => lists
+                .iter()
+                .map(|list| parameters.add(&level(list.level)))
+                .collect(),
+            _ => vec![parameters.add(&level(0))],
+        };
+        let disks = checked
+            .disks
+            .map(|bounds| parameters.add(&DiskParams::new(&settings.disks, bounds)));
         let camera = parameters.add(&frame.camera.params(frame.origin));
-        let lights = lighting
+        let lights = checked
+            .lighting
             .map(|lighting| parameters.add(&LightsParams::new(lighting.lights, cloud.origin)));
         let parameters = self.uniforms.upload(device, encoder, &parameters);
         let mut resources = vec![
-            ("params", parameters.at(params)),
-            ("nodes", binding::view(nodes)),
             ("receivers", binding::view(&frame.receivers.view)),
             ("nearness", whole(&view.nearness)),
             ("camera", parameters.at(camera)),
         ];
-        resources.extend(primitives);
+        resources.extend(checked.primitives.iter().cloned());
         resources.extend(disks.map(|disks| ("disks", parameters.at(disks))));
-        resources.push((
-            "hits",
-            match &view.hits {
-                Hits::Bits(buffer) => whole(buffer),
-                Hits::Colors(colors) => binding::view(colors),
-            },
-        ));
+        let own = match work {
+            Work::All => None,
+            Work::Lists(_) => self.listed.as_ref(),
+            Work::More(_) => self.more.as_ref(),
+        };
+        let (layout, pipeline) = match own {
+            Some((layout, pipeline)) => (layout, pipeline),
+            None => (&self.layout, &self.trace),
+        };
+        let is_more = matches!(work, Work::More(_));
+        // Further rays leave single hits alone.
+        if !is_more {
+            resources.push((
+                "hits",
+                match &view.hits {
+                    Hits::Bits(buffer) => whole(buffer),
+                    Hits::Colors(colors) => binding::view(colors),
+                },
+            ));
+        }
+        resources.extend(view.counts.as_ref().map(|counts| ("counts", whole(counts))));
+        let radiance = checked.radiance;
         let radiance = radiance.map(|radiance| binding::first(radiance, radiance_bytes(cloud)));
         resources.extend(radiance.map(|radiance| ("radiance", radiance)));
-        if let (Some(lighting), Some(lights)) = (&lighting, lights) {
+        if let (Some(lighting), Some(lights)) = (&checked.lighting, lights) {
             resources.extend([
                 ("lights", parameters.at(lights)),
                 ("materials", binding::table::<Material>(lighting.materials)),
@@ -289,12 +493,33 @@ impl BouncedZBuffer {
         }
         let statistics = view.statistics.as_ref();
         resources.extend(statistics.map(|counts| ("statistics", whole(counts))));
-        let roughness = roughness.map(|slice| slice.read());
-        let group = if let Some(roughness) = &roughness {
-            resources.push(("roughness_texture", binding::view(roughness)));
-            self.layout.group(device, &resources)
-        } else {
-            view.kept.groups(device).next(&self.layout, &resources)
+        let roughness = checked.roughness.map(|slice| slice.read());
+        resources.extend(
+            roughness
+                .iter()
+                .map(|roughness| ("roughness_texture", binding::view(roughness))),
+        );
+        let mut kept = view.kept[usize::from(is_more)].groups(device);
+        let mut group = |params: Place, list: Option<Resource<'_>>| {
+            let mut resources = resources.clone();
+            resources.push(("params", parameters.at(params)));
+            let is_callers = roughness.is_some() || matches!(work, Work::Lists(_));
+            resources.extend(list.map(|list| ("work", list)));
+            if is_callers {
+                layout.group(device, &resources)
+            } else {
+                kept.next(layout, &resources)
+            }
+        };
+        let viewport = frame.viewport();
+        let groups: Vec<_> = match work {
+            Work::All => vec![group(params[0], None)],
+            Work::More(budget) => vec![group(params[0], Some(whole(budget.pixels())))],
+            Work::Lists(lists) => lists
+                .iter()
+                .zip(&params)
+                .map(|(list, params)| group(*params, Some(list.list(viewport))))
+                .collect(),
         };
         let mut pass = compute_pass(encoder, LABEL, input.timestamps);
         // Bits were cleared; a layer of colours cannot be, and without directions gets one that meets nothing.
@@ -302,13 +527,21 @@ impl BouncedZBuffer {
             Hits::Bits(_) => settings.rays_per_pixel,
             Hits::Colors(_) => settings.rays_per_pixel.max(1),
         };
-        if layers > 0 {
-            let [width, height] = view.size();
-            pass.set_pipeline(&self.trace);
-            pass.set_bind_group(0, &group.raw, &group.offsets);
-            pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), layers);
+        if layers == 0 {
+            return;
         }
-        Ok(())
+        pass.set_pipeline(pipeline);
+        for (i, group) in groups.iter().enumerate() {
+            pass.set_bind_group(0, &group.raw, &group.offsets);
+            match work {
+                Work::All => {
+                    let [width, height] = view.size();
+                    pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), layers);
+                }
+                Work::Lists(lists) => pass.dispatch_workgroups_indirect(lists[i].dispatch, 0),
+                Work::More(budget) => pass.dispatch_workgroups_indirect(budget.dispatch(), 0),
+            }
+        }
     }
 
     fn check_view(
@@ -381,8 +614,7 @@ impl BouncedZBuffer {
     ) -> Result<(), Error> {
         const RADIANCE: &str = "HitRadiance::Surfels";
         check_setting(
-            cloud.placement == Placement::Centroid
-                || self.descriptor.primitives != Primitives::Triangles,
+            cloud.placement == Placement::Centroid || self.descriptor.primitives.are_disks(),
             "SurfelizerSettings::placement",
             f64::from(cloud.placement.code()),
             "Placement::Centroid, for radiance of pieces",
@@ -417,43 +649,75 @@ pub(crate) fn words(rays_per_pixel: u32) -> u32 {
     rays_per_pixel.div_ceil(32)
 }
 
-/// Assembles the module.
-fn source(descriptor: &BouncedDescriptor) -> Result<String, Error> {
-    shader::assemble("bounced_z_buffer", SOURCE, &descriptor.flags(), &[])
+/// Assembles the module of a stage.
+fn source(descriptor: &BouncedDescriptor, stage: Stage) -> Result<String, Error> {
+    let mut flags = descriptor.flags();
+    flags.extend(stage.flag());
+    shader::assemble("bounced_z_buffer", SOURCE, &flags, &[])
 }
 
 /// Every module of the pass.
 pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
-    for payload in [Payload::Occlusion, Payload::Radiance, Payload::LitRadiance] {
-        for primitives in [Primitives::Triangles, Primitives::Disks { levels: 1 }] {
+    let payloads = [Payload::Occlusion, Payload::Radiance, Payload::LitRadiance];
+    let traced = [
+        Primitives::Triangles,
+        Primitives::Disks { levels: 1 },
+        #[cfg(feature = "ray-query")]
+        Primitives::RayQuery,
+    ];
+    let switches = [false, true];
+    for payload in payloads {
+        for primitives in traced {
             for sampling in [Sampling::Cosine, Sampling::Glossy] {
-                for statistics in [false, true] {
-                    let descriptor = BouncedDescriptor {
-                        payload,
-                        primitives,
-                        sampling,
-                        statistics,
-                    };
-                    let disks = primitives != Primitives::Triangles;
-                    if descriptor.lit() && disks {
-                        continue;
+                for statistics in switches {
+                    for counted in switches {
+                        let descriptor = BouncedDescriptor {
+                            payload,
+                            primitives,
+                            sampling,
+                            statistics,
+                            counted,
+                        };
+                        let by_device = primitives.by_device();
+                        let is_lit = descriptor.lit();
+                        if (is_lit && primitives.are_disks()) || (statistics && by_device) {
+                            continue;
+                        }
+                        list_stages(all, &descriptor)?;
                     }
-                    let name = name_of(
-                        match payload {
-                            Payload::Occlusion => "bounced_z_buffer occlusion",
-                            Payload::Radiance | Payload::LitRadiance => "bounced_z_buffer radiance",
-                        },
-                        &[
-                            (descriptor.lit(), "lit"),
-                            (disks, "disks"),
-                            (sampling == Sampling::Glossy, "glossy"),
-                            (statistics, "statistics"),
-                        ],
-                    );
-                    all.add(&name, source(&descriptor)?);
                 }
             }
         }
+    }
+    Ok(())
+}
+
+/// The modules of one descriptor.
+fn list_stages(all: &mut Listing<'_>, descriptor: &BouncedDescriptor) -> Result<(), Error> {
+    let stages = [
+        (true, Stage::All),
+        (descriptor.counted, Stage::Listed),
+        (descriptor.takes_more(), Stage::More),
+    ];
+    for (_, stage) in stages.into_iter().filter(|(is_made, _)| *is_made) {
+        let name = name_of(
+            match descriptor.payload {
+                Payload::Occlusion => "bounced_z_buffer occlusion",
+                Payload::Radiance | Payload::LitRadiance => "bounced_z_buffer radiance",
+            },
+            &[
+                (descriptor.lit(), "lit"),
+                (descriptor.primitives.are_disks(), "disks"),
+                (descriptor.primitives.by_device(), "ray query"),
+                (descriptor.sampling == Sampling::Glossy, "glossy"),
+                (descriptor.statistics, "statistics"),
+                (descriptor.counted && stage == Stage::All, "counted"),
+                (stage == Stage::Listed, "list"),
+                (stage == Stage::More, "more"),
+            ],
+        );
+        let features = descriptor.primitives.features();
+        all.add_for(features, &name, source(descriptor, stage)?);
     }
     Ok(())
 }

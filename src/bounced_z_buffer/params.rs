@@ -4,6 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::{
+    descriptor::Payload,
     settings::{BouncedSettings, DiskSettings},
     words,
 };
@@ -26,7 +27,7 @@ pub struct BouncedParams {
     pub(crate) frame: u32,
     pub(crate) words: u32,
     pub(crate) surfel_capacity: u32,
-    pub(crate) padding: u32,
+    pub(crate) level: u32,
     pub(crate) sky_radiance: [f32; 3],
     pub(crate) world_radius: f32,
 }
@@ -35,8 +36,9 @@ crate::reflection::same_as_wgsl!(
     params_are_the_shaders: BouncedParams as "Params" in [
         "bounced_z_buffer occlusion", "bounced_z_buffer radiance",
         "bounced_z_buffer occlusion glossy", "bounced_z_buffer radiance glossy",
+        "bounced_z_buffer occlusion list", "bounced_z_buffer radiance more",
     ]
-    { size, columns, rows, frame, words, surfel_capacity, sky_radiance, world_radius }
+    { size, columns, rows, frame, words, surfel_capacity, level, sky_radiance, world_radius }
 );
 
 impl BouncedParams {
@@ -55,12 +57,35 @@ impl BouncedParams {
             frame: settings.frame,
             words: words(settings.rays_per_pixel),
             surfel_capacity: capacity.surfels,
-            padding: 0,
+            level: 0,
             sky_radiance,
             world_radius: radius.min(UNBOUNDED),
         }
     }
 }
+
+/// Bytes of the shader's `PixelRays`.
+pub(crate) fn pixel_rays_bytes(payload: Payload) -> u64 {
+    if payload.is_radiance() {
+        RADIANCE_RAYS_BYTES
+    } else {
+        OCCLUSION_RAYS_BYTES
+    }
+}
+
+const OCCLUSION_RAYS_BYTES: u64 = 8;
+const RADIANCE_RAYS_BYTES: u64 = 16;
+
+crate::reflection::bytes_of_wgsl!(
+    occlusion_rays_are_the_shaders: OCCLUSION_RAYS_BYTES, as "PixelRays" in [
+        "bounced_z_buffer occlusion more", "hit_resolver occlusion counted average",
+    ]
+);
+crate::reflection::bytes_of_wgsl!(
+    radiance_rays_are_the_shaders: RADIANCE_RAYS_BYTES, as "PixelRays" in [
+        "bounced_z_buffer radiance more", "hit_resolver radiance counted average",
+    ]
+);
 
 /// Lights that hits can have.
 pub(crate) const MAX_LIGHTS: usize = 16;

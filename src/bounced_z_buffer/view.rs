@@ -27,8 +27,10 @@ pub struct BouncedView {
     pub(crate) descriptor: BouncedDescriptor,
     pub(super) rays_per_pixel: u32,
     pub(super) statistics: Option<Buffer>,
+    pub(crate) counts: Option<Buffer>,
     pub(crate) recorded: Last<Traced>,
-    pub(super) kept: Kept,
+    /// Of recordings, and of those of further rays.
+    pub(super) kept: [Kept; 2],
 }
 
 /// What a view's hits are of.
@@ -39,6 +41,8 @@ pub(crate) struct Traced {
     pub place: Place,
     /// The cloud's recording.
     pub of: Stamp,
+    /// Whether further rays followed.
+    pub more: bool,
 }
 
 impl BouncedView {
@@ -85,6 +89,14 @@ impl BouncedView {
         self.statistics.as_ref()
     }
 
+    /// How many rays each pixel had, where the descriptor has them counted, rows from the top. With
+    /// [`Payload::Occlusion`](crate::Payload::Occlusion) two `u32`: how many rays of further sets were blocked, and how many rays
+    /// there were of all sets. With radiance three `f32`, the sum of what came along rays of further sets, and a `u32`, how many
+    /// rays there were (usages `STORAGE | COPY_SRC`).
+    pub fn counts(&self) -> Option<&Buffer> {
+        self.counts.as_ref()
+    }
+
     /// GPU memory that it owns, bytes.
     pub fn memory_bytes(&self) -> u64 {
         let hits = match &self.hits {
@@ -95,6 +107,8 @@ impl BouncedView {
                 self.rays_per_pixel.max(1),
             ),
         };
-        hits + self.nearness.size() + self.statistics.as_ref().map_or(0, Buffer::size)
+        let besides = [&self.statistics, &self.counts];
+        let besides = besides.into_iter().flatten().map(Buffer::size);
+        hits + self.nearness.size() + besides.sum::<u64>()
     }
 }

@@ -4,7 +4,7 @@ use std::sync::{Mutex, PoisonError};
 
 use wgpu::{
     BindGroup, BindGroupEntry, BindGroupLayout, BindGroupLayoutEntry, BindingResource, BindingType,
-    Buffer, BufferBinding, Device, ShaderStages, TextureView,
+    Buffer, BufferBinding, Device, ShaderStages, TextureView, Tlas,
 };
 
 use super::interface::{Interface, Variable};
@@ -217,6 +217,7 @@ impl KeptGroup {
 enum Identity {
     Buffer(Buffer, u64, Option<std::num::NonZeroU64>),
     View(TextureView),
+    Tlas(Tlas),
 }
 
 impl Identity {
@@ -226,6 +227,7 @@ impl Identity {
                 Some(Self::Buffer(part.buffer.clone(), part.offset, part.size))
             }
             BindingResource::TextureView(view) => Some(Self::View((*view).clone())),
+            BindingResource::AccelerationStructure(tlas) => Some(Self::Tlas((*tlas).clone())),
             _ => None,
         }
     }
@@ -236,6 +238,7 @@ impl Identity {
                 buffer == part.buffer && *offset == part.offset && *size == part.size
             }
             (Self::View(own), BindingResource::TextureView(view)) => own == *view,
+            (Self::Tlas(own), BindingResource::AccelerationStructure(tlas)) => own == *tlas,
             _ => false,
         }
     }
@@ -263,6 +266,11 @@ pub(crate) struct Groups<'a> {
 }
 
 impl Groups<'_> {
+    /// One that is made anew each time, for what is the caller's.
+    pub fn unkept(&self, layout: &Layout, resources: &[Named<'_>]) -> Group {
+        layout.group(self.device, resources)
+    }
+
     /// The next one.
     pub fn next(&mut self, layout: &Layout, resources: &[Named<'_>]) -> Group {
         let sorted = layout.sorted(resources);
@@ -383,4 +391,10 @@ pub(crate) fn check_own<'b>(
 /// A texture view as a binding.
 pub(crate) const fn view(view: &TextureView) -> Resource<'_> {
     fixed(BindingResource::TextureView(view))
+}
+
+/// A device's acceleration structure as a binding.
+#[cfg(feature = "ray-query")]
+pub(crate) fn structure(tlas: &Tlas) -> Resource<'_> {
+    fixed(tlas.as_binding())
 }

@@ -272,6 +272,11 @@ fn binding_type(space: &str, ty: &str) -> Option<BindingType> {
         "storage,read_write" => return Some(storage(false)),
         _ => return None,
     }
+    if ty == "acceleration_structure" {
+        return Some(BindingType::AccelerationStructure {
+            vertex_return: false,
+        });
+    }
     let (kind, of) = ty.trim_end_matches('>').split_once('<')?;
     let view_dimension = if kind.ends_with("_array") {
         TextureViewDimension::D2Array
@@ -373,6 +378,10 @@ mod tests {
             has_dynamic_offset,
             min_binding_size: None,
         };
+        if let TypeInner::AccelerationStructure { vertex_return } = module.types[variable.ty].inner
+        {
+            return BindingType::AccelerationStructure { vertex_return };
+        }
         let TypeInner::Image {
             dim: naga::ImageDimension::D2,
             arrayed,

@@ -156,6 +156,26 @@ pub(crate) fn first_pass<'e>(
     begin(encoder, label, timestamps, false)
 }
 
+/// The end time of recordings that end outside of a pass, by a pass of nothing; none without timestamps.
+#[cfg(feature = "ray-query")]
+pub(crate) fn end_pass(
+    encoder: &mut CommandEncoder,
+    label: &str,
+    timestamps: Option<Timestamps<'_>>,
+) {
+    let Some(timestamps) = timestamps else {
+        return;
+    };
+    encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+        label: Some(label),
+        timestamp_writes: Some(wgpu::ComputePassTimestampWrites {
+            query_set: timestamps.set,
+            beginning_of_pass_write_index: None,
+            end_of_pass_write_index: Some(timestamps.end),
+        }),
+    });
+}
+
 fn begin<'e>(
     encoder: &'e mut CommandEncoder,
     label: &str,

@@ -3,7 +3,10 @@
 pub(crate) mod params;
 pub(crate) mod settings;
 
-use wgpu::{CommandEncoder, ComputePipeline, Device, RenderPipeline, TextureFormat, TextureView};
+use wgpu::{
+    CommandEncoder, ComputePass, ComputePipeline, Device, RenderPipeline, TextureFormat,
+    TextureView,
+};
 
 use self::{params::HitResolverParams, settings::HitResolverSettings};
 use crate::{
@@ -19,14 +22,14 @@ use crate::{
     gpu::listing::name_of,
     gpu::{
         Kernel, Timestamps,
-        binding::{Kept, Layout, Named, view, whole},
+        binding::{Groups, Kept, Layout, Named, Resource, view, whole},
         check_timestamps, first_pass,
         screen::{self, Screen},
         shader,
         uniforms::Uniforms,
     },
-    receivers::Frame,
-    receivers::{plane, plane_bytes},
+    receivers::{Frame, Place, plane, plane_bytes},
+    recorded::Last,
     texture_slice::{TextureSlice, check_apart},
 };
 
@@ -71,6 +74,8 @@ pub struct HitResolverDescriptor {
     /// so that detail of normals survives a wide window. Without, neighbours' means are: faster by about the number of
     /// directions.
     pub deferred: bool,
+    /// As [`BouncedDescriptor::counted`] of the hits: pixels without rays take what they show from their neighbours.
+    pub counted: bool,
     /// Any colour format that can be rendered to; its missing channels are dropped.
     pub target: TextureFormat,
 }
@@ -90,12 +95,19 @@ impl HitResolverDescriptor {
 #[derive(Debug)]
 pub struct HitResolverView {
     size: [u32; 2],
-    means: TextureView,
-    inverse_distances: TextureView,
+    pub(crate) means: TextureView,
+    pub(crate) inverse_distances: TextureView,
+    /// Where the hits were traced from that were last estimated.
+    pub(crate) estimated: Last<Place>,
     kept: Kept,
+    kept_estimate: Kept,
 }
 
 impl HitResolverView {
+    pub(crate) fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
     /// GPU memory that it owns, bytes.
     pub fn memory_bytes(&self) -> u64 {
         plane_bytes(TextureFormat::Rgba32Float, self.size, 1)
@@ -147,12 +159,16 @@ impl BouncedZBuffer {
         deferred: bool,
     ) -> Result<HitResolver, Error> {
         let BouncedDescriptor {
-            payload, sampling, ..
+            payload,
+            sampling,
+            counted,
+            ..
         } = *self.descriptor();
         let descriptor = HitResolverDescriptor {
             payload,
             sampling,
             deferred,
+            counted,
             target,
         };
         HitResolver::new(compiler, &descriptor)
@@ -236,7 +252,9 @@ impl HitResolver {
         };
         Ok(HitResolverView {
             size,
+            estimated: Last::default(),
             kept: Kept::default(),
+            kept_estimate: Kept::default(),
             means: texture(
                 "deep-screen-space means of hits",
                 TextureFormat::Rgba32Float,
@@ -252,8 +270,9 @@ impl HitResolver {
     ///
     /// # Errors
     /// [`Error::Setting`]; [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target and the G-buffer;
-    /// [`Error::Mismatch`] where the hits are of another kind than this was made for, or the view was made for others;
-    /// [`Error::Recording`] where the hits were not recorded, or not since their cloud was.
+    /// [`Error::Mismatch`] where the hits are of another kind than this was made for, or the view was made for others, and where
+    /// they are deferred and there are further rays, of which sums alone are kept; [`Error::Recording`] where the hits were not
+    /// recorded, or not since their cloud was.
     pub fn record(
         &self,
         device: &Device,
@@ -264,68 +283,115 @@ impl HitResolver {
     ) -> Result<(), Error> {
         settings.validate()?;
         check_timestamps(input.timestamps)?;
-        let [roughness, albedo] = self.check(input, scratch)?;
+        let textures = self.check(input, scratch)?;
         let frame = input.frame;
         let traced = input.hits.recorded.get("BouncedView")?;
-        let viewport = frame.viewport();
+        if self.descriptor.deferred && traced.more {
+            return Err(Error::Mismatch {
+                name: "HitResolverInput::hits",
+                found: "further rays".into(),
+                needed: "none, with HitResolverDescriptor::deferred".into(),
+            });
+        }
         let params = HitResolverParams::new(settings, frame, &traced.settings);
         let (parameters, params) = self.uniforms.upload_one(device, encoder, &params);
-        let mut groups = scratch.kept.groups(device);
-        let mut group = |layout: &Layout, resources: &[Named<'_>], callers: bool| {
-            if callers {
-                layout.group(device, resources)
-            } else {
-                groups.next(layout, resources)
-            }
-        };
-        let hits = match &input.hits.hits {
-            Hits::Bits(buffer) => whole(buffer),
-            Hits::Colors(colors) => view(colors),
-        };
-        let shared = [
-            ("params", parameters.at(params)),
-            ("receivers", view(&frame.receivers.view)),
-        ];
-        let inverse_distances = ("inverse_distances", view(&scratch.inverse_distances));
-        let mut resources = shared.to_vec();
-        resources.push(("nearness", whole(&input.hits.nearness)));
-        resources.push(inverse_distances.clone());
-        let near = group(&self.near_layout, &resources, false);
-        let [roughness, albedo] = [roughness, albedo].map(|slice| slice.map(|slice| slice.read()));
-        let mut resources = shared.to_vec();
-        resources.push(("means", view(&scratch.means)));
+        let [roughness, albedo] = textures.map(|slice| slice.map(|slice| slice.read()));
         let roughness = roughness.as_ref().map(view);
+        let params = ("params", parameters.at(params));
+        let mut groups = scratch.kept.groups(device);
+        let gathered = (frame, input.hits, roughness.clone());
+        let pass = first_pass(encoder, LABEL, input.timestamps);
+        self.gather(&mut groups, pass, &params, gathered, scratch);
+
+        let mut resources = vec![
+            params,
+            ("receivers", view(&frame.receivers.view)),
+            ("means", view(&scratch.means)),
+            ("inverse_distances", view(&scratch.inverse_distances)),
+        ];
         resources.extend(roughness.map(|r| ("roughness_texture", r)));
-        let is_glossy = self.descriptor.glossy();
-        let mut averaged = resources.clone();
-        averaged.push(("hits", hits.clone()));
-        let average = group(&self.average_layout, &averaged, is_glossy);
-        resources.push(inverse_distances);
-        resources.extend(self.descriptor.deferred.then_some(("hits", hits)));
+        let is_deferred = self.descriptor.deferred;
+        resources.extend(is_deferred.then(|| ("hits", bits_or_colors(input.hits))));
         let albedo = albedo.as_ref().map(view);
         resources.extend(albedo.map(|albedo| ("albedo_texture", albedo)));
-        let has_textures = is_glossy || self.descriptor.albedo();
-        let reconstruct = group(&self.layout, &resources, has_textures);
-        let mut pass = first_pass(encoder, LABEL, input.timestamps);
-        pass.set_pipeline(&self.average);
-        pass.set_bind_group(0, &average.raw, &average.offsets);
-        let groups = [viewport.width, viewport.height].map(|side| side.div_ceil(8));
-        pass.dispatch_workgroups(groups[0], groups[1], 1);
-        pass.set_pipeline(&self.near);
-        pass.set_bind_group(0, &near.raw, &near.offsets);
-        pass.dispatch_workgroups(groups[0], groups[1], 1);
-        drop(pass);
-
+        let reconstruct = if self.descriptor.glossy() || self.descriptor.albedo() {
+            self.layout.group(device, &resources)
+        } else {
+            groups.next(&self.layout, &resources)
+        };
         screen::draw(
             encoder,
             LABEL,
             (&self.reconstruct, &reconstruct),
             &input.target,
-            viewport,
+            frame.viewport(),
             input.timestamps,
             false,
         );
         Ok(())
+    }
+
+    /// Records the first half of that: each pixel's own mean and how noisy it is, and how near its hits are, which is what a
+    /// [`RayBudget`](crate::RayBudget) starts from.
+    ///
+    /// # Errors
+    /// As [`HitResolver::record`], but for the target and the albedo.
+    pub fn estimate(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        (frame, hits): (&Frame<'_>, &BouncedView),
+        settings: &HitResolverSettings,
+        scratch: &HitResolverView,
+    ) -> Result<(), Error> {
+        settings.validate()?;
+        let roughness = self.check_hits((frame, hits), scratch)?;
+        let traced = hits.recorded.get("BouncedView")?;
+        let params = HitResolverParams::new(settings, frame, &traced.settings);
+        let (parameters, params) = self.uniforms.upload_one(device, encoder, &params);
+        let roughness = roughness.map(|slice| slice.read());
+        let mut groups = scratch.kept_estimate.groups(device);
+        let gathered = (frame, hits, roughness.as_ref().map(view));
+        let pass = first_pass(encoder, LABEL, None);
+        let params = ("params", parameters.at(params));
+        self.gather(&mut groups, pass, &params, gathered, scratch);
+        Ok(())
+    }
+
+    /// Means and inverse distances.
+    fn gather<'a>(
+        &self,
+        groups: &mut Groups<'_>,
+        mut pass: ComputePass<'_>,
+        params: &Named<'a>,
+        (frame, hits, roughness): (&'a Frame<'_>, &'a BouncedView, Option<Resource<'a>>),
+        scratch: &'a HitResolverView,
+    ) {
+        scratch.estimated.set(frame.place());
+        let counts = hits.counts.as_ref().map(|counts| ("counts", whole(counts)));
+        let mut shared = vec![params.clone(), ("receivers", view(&frame.receivers.view))];
+        shared.extend(counts);
+        let mut resources = shared.clone();
+        resources.push(("nearness", whole(&hits.nearness)));
+        resources.push(("inverse_distances", view(&scratch.inverse_distances)));
+        let near = groups.next(&self.near_layout, &resources);
+        let mut resources = shared;
+        resources.push(("means", view(&scratch.means)));
+        resources.push(("hits", bits_or_colors(hits)));
+        let average = match roughness {
+            Some(roughness) => {
+                resources.push(("roughness_texture", roughness));
+                groups.unkept(&self.average_layout, &resources)
+            }
+            None => groups.next(&self.average_layout, &resources),
+        };
+        let viewport = frame.viewport();
+        let workgroups = [viewport.width, viewport.height].map(|side| side.div_ceil(8));
+        for (pipeline, group) in [(&self.average, &average), (&self.near, &near)] {
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &group.raw, &group.offsets);
+            pass.dispatch_workgroups(workgroups[0], workgroups[1], 1);
+        }
     }
 
     /// The roughness and the albedo, each where it is needed.
@@ -341,25 +407,38 @@ impl HitResolver {
             target,
             ..
         } = input;
-        let kind = |payload: Payload, sampling| (payload.is_radiance(), sampling);
-        let BouncedDescriptor {
-            payload, sampling, ..
-        } = hits.descriptor;
-        if kind(payload, sampling) != kind(self.descriptor.payload, self.descriptor.sampling) {
+        let roughness = self.check_hits((frame, hits), scratch)?;
+        screen::check_target(TARGET, target, frame.viewport(), self.descriptor.target)?;
+        check_apart(TARGET, target, frame.gbuffer.reads())?;
+        let is_needed = self.descriptor.albedo();
+        let albedo = is_needed.then(|| frame.gbuffer.albedo_for("radiance of diffuse receivers"));
+        Ok([roughness, albedo.transpose()?])
+    }
+
+    /// The roughness, where it is needed.
+    fn check_hits<'t>(
+        &self,
+        (frame, hits): (&Frame<'t>, &BouncedView),
+        scratch: &HitResolverView,
+    ) -> Result<Option<TextureSlice<'t>>, Error> {
+        let needed = &self.descriptor;
+        let found = &hits.descriptor;
+        let is_same = found.payload.is_radiance() == needed.payload.is_radiance()
+            && (found.sampling, found.counted) == (needed.sampling, needed.counted);
+        if !is_same {
+            let kind = |payload: Payload, sampling: Sampling, counted: bool| {
+                let counted = if counted { "" } else { "not " };
+                format!("{payload:?}, {sampling:?}, {counted}counted")
+            };
             return Err(Error::Mismatch {
                 name: "HitResolverInput::hits",
-                found: format!("{payload:?}, {sampling:?}"),
-                needed: format!(
-                    "{:?}, {:?}",
-                    self.descriptor.payload, self.descriptor.sampling
-                ),
+                found: kind(found.payload, found.sampling, found.counted),
+                needed: kind(needed.payload, needed.sampling, needed.counted),
             });
         }
         let traced = hits.recorded.get("BouncedView")?;
         traced.of.check_last("BouncedView", "SurfelCloud")?;
         frame.check_place("BouncedView", &traced.place)?;
-        screen::check_target(TARGET, target, frame.viewport(), self.descriptor.target)?;
-        check_apart(TARGET, target, frame.gbuffer.reads())?;
         if scratch.size != hits.size() {
             return Err(Error::Mismatch {
                 name: "HitResolverView",
@@ -367,17 +446,18 @@ impl HitResolver {
                 needed: format!("{:?} pixels", hits.size()),
             });
         }
-        let glossy = self.descriptor.glossy();
-        let albedo = self.descriptor.albedo();
-        let gbuffer = &frame.gbuffer;
-        Ok([
-            glossy
-                .then(|| gbuffer.roughness_for("Sampling::Glossy"))
-                .transpose()?,
-            albedo
-                .then(|| gbuffer.albedo_for("radiance of diffuse receivers"))
-                .transpose()?,
-        ])
+        let is_glossy = needed.glossy();
+        is_glossy
+            .then(|| frame.gbuffer.roughness_for("Sampling::Glossy"))
+            .transpose()
+    }
+}
+
+/// Hits as a binding.
+fn bits_or_colors(hits: &BouncedView) -> Resource<'_> {
+    match &hits.hits {
+        Hits::Bits(buffer) => whole(buffer),
+        Hits::Colors(colors) => view(colors),
     }
 }
 
@@ -391,10 +471,13 @@ pub(crate) enum HitStage {
 
 /// Assembles one of them.
 fn source(descriptor: &HitResolverDescriptor, stage: HitStage) -> Result<String, Error> {
+    let counted = descriptor.counted;
     let mut flags = Vec::new();
-    // Whatever was hit, how near it is means the same.
-    if stage != HitStage::Near {
+    // Whatever was hit, how near it is means the same; but what counts rays is another struct.
+    if stage != HitStage::Near || counted {
         flags.extend(descriptor.payload.is_radiance().then_some("RADIANCE"));
+    }
+    if stage != HitStage::Near {
         flags.extend(descriptor.glossy().then_some("GLOSSY"));
         flags.extend(descriptor.albedo().then_some("ALBEDO"));
     }
@@ -404,44 +487,53 @@ fn source(descriptor: &HitResolverDescriptor, stage: HitStage) -> Result<String,
         HitStage::Near => flags.push("NEAR"),
         HitStage::Reconstruct => {}
     }
+    flags.extend(counted.then_some(match stage {
+        HitStage::Average | HitStage::Near => "RAYS",
+        HitStage::Reconstruct => "COUNTED",
+    }));
     shader::assemble("hit_resolver", SOURCE, &flags, &[])
 }
 
 /// Every module of the pass.
 pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
-    let any = HitResolverDescriptor {
-        payload: Payload::Occlusion,
-        sampling: Sampling::Cosine,
-        deferred: false,
-        target: TextureFormat::Rgba16Float,
-    };
-    all.add("hit_resolver near", source(&any, HitStage::Near)?);
     for payload in [Payload::Occlusion, Payload::Radiance] {
         for sampling in [Sampling::Cosine, Sampling::Glossy] {
-            for (deferred, stage) in [
-                (false, HitStage::Average),
-                (false, HitStage::Reconstruct),
-                (true, HitStage::Reconstruct),
-            ] {
-                let descriptor = HitResolverDescriptor {
-                    payload,
-                    sampling,
-                    deferred,
-                    target: TextureFormat::Rgba16Float,
-                };
-                let name = name_of(
-                    match payload {
-                        Payload::Occlusion => "hit_resolver occlusion",
-                        Payload::Radiance | Payload::LitRadiance => "hit_resolver radiance",
-                    },
-                    &[
-                        (sampling == Sampling::Glossy, "glossy"),
-                        (stage == HitStage::Average, "average"),
-                        (stage == HitStage::Reconstruct, "reconstruct"),
-                        (deferred, "deferred"),
-                    ],
-                );
-                all.add(&name, source(&descriptor, stage)?);
+            for counted in [false, true] {
+                for (deferred, stage) in [
+                    (false, HitStage::Near),
+                    (false, HitStage::Average),
+                    (false, HitStage::Reconstruct),
+                    (true, HitStage::Reconstruct),
+                ] {
+                    let descriptor = HitResolverDescriptor {
+                        payload,
+                        sampling,
+                        deferred,
+                        counted,
+                        target: TextureFormat::Rgba16Float,
+                    };
+                    let is_glossy = sampling == Sampling::Glossy;
+                    let is_near = stage == HitStage::Near;
+                    if is_near && (is_glossy || (!counted && payload != Payload::Occlusion)) {
+                        continue;
+                    }
+                    let name = name_of(
+                        match payload {
+                            _ if is_near && !counted => "hit_resolver",
+                            Payload::Occlusion => "hit_resolver occlusion",
+                            Payload::Radiance | Payload::LitRadiance => "hit_resolver radiance",
+                        },
+                        &[
+                            (is_glossy, "glossy"),
+                            (counted, "counted"),
+                            (is_near, "near"),
+                            (stage == HitStage::Average, "average"),
+                            (stage == HitStage::Reconstruct, "reconstruct"),
+                            (deferred, "deferred"),
+                        ],
+                    );
+                    all.add(&name, source(&descriptor, stage)?);
+                }
             }
         }
     }

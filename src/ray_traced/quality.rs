@@ -1,19 +1,19 @@
 //! Points on the curve of error over time, measured by `benches/error_time`.
 
 use crate::{
-    BouncedSettings, HitResolverSettings, Payload, ReconstructorSettings, SplatSettings,
-    SurfelizerSettings,
+    BouncedSettings, HitResolverSettings, Payload, RayBudgetSettings, ReconstructorSettings,
+    SplatSettings, SurfelizerSettings, bounced_z_buffer::settings::MAX_RAYS_PER_PIXEL,
 };
 
 /// How exactly: a point on the curve of error over time, which `cargo bench --bench error_time` measures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Quality {
-    /// 4 rays per pixel for occlusion and 8 for light.
+    /// 4 rays per pixel for occlusion. For light 8, half of them where noise is greatest.
     Fast,
-    /// 16 rays per pixel for occlusion and 40 for light.
+    /// 16 rays per pixel for occlusion. For light 40, half of them where noise is greatest.
     #[default]
     Balanced,
-    /// 64 rays per pixel.
+    /// 64 rays per pixel, for light half of them where noise is greatest.
     Accurate,
 }
 
@@ -21,17 +21,24 @@ impl Quality {
     /// Each of them, from the fastest.
     pub const ALL: [Self; 3] = [Self::Fast, Self::Balanced, Self::Accurate];
 
-    /// Rays per pixel, and the filter that suits them.
+    /// Rays per pixel, and the filter that suits them, for diffuse receivers. Of glossy ones rays are
+    /// [everywhere](RaySettings::everywhere) alike.
     pub fn rays(self, payload: Payload) -> RaySettings {
-        let light = payload.is_radiance();
-        let rays_per_pixel = match self {
-            Self::Fast if light => 8,
+        // Occlusion gains nothing by rays that go where noise is: it is nearly the same everywhere.
+        if !payload.is_radiance() {
+            let rays_per_pixel = match self {
+                Self::Fast => 4,
+                Self::Balanced => 16,
+                Self::Accurate => 64,
+            };
+            return RaySettings::new(rays_per_pixel, payload);
+        }
+        let half = match self {
             Self::Fast => 4,
-            Self::Balanced if light => 40,
-            Self::Balanced => 16,
-            Self::Accurate => 64,
+            Self::Balanced => 20,
+            Self::Accurate => 32,
         };
-        RaySettings::new(rays_per_pixel, payload)
+        RaySettings::with_further(half, half as f32, payload)
     }
 
     /// What suits splatting ambient occlusion by occluders nearer than `radius`, in world units.
@@ -64,6 +71,8 @@ impl Quality {
 pub struct RaySettings {
     /// As [`BouncedSettings::rays_per_pixel`], 0…64.
     pub rays_per_pixel: u32,
+    /// Further rays, for those pixels that are noisiest, if any; not for glossy receivers.
+    pub further: Option<RayBudgetSettings>,
     /// The filter.
     pub filter: HitResolverSettings,
 }
@@ -78,7 +87,32 @@ impl RaySettings {
         };
         Self {
             rays_per_pixel,
+            further: None,
             filter,
+        }
+    }
+
+    /// So many rays, `further` more per pixel on average where noise is greatest, and the filter that suits all of them.
+    pub fn with_further(rays_per_pixel: u32, further: f32, payload: Payload) -> Self {
+        let all = rays_per_pixel.saturating_add(further.round() as u32);
+        Self {
+            rays_per_pixel,
+            further: Some(RayBudgetSettings {
+                rays_per_pixel: further,
+                ..RayBudgetSettings::default()
+            }),
+            ..Self::new(all, payload)
+        }
+    }
+
+    /// As many rays in all, at every pixel alike.
+    pub fn everywhere(self) -> Self {
+        let further = self.further.map_or(0.0, |further| further.rays_per_pixel);
+        let all = self.rays_per_pixel.saturating_add(further.round() as u32);
+        Self {
+            rays_per_pixel: all.min(MAX_RAYS_PER_PIXEL),
+            further: None,
+            ..self
         }
     }
 

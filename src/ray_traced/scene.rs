@@ -79,10 +79,29 @@ impl RayTracedScene {
     /// # Errors
     /// [`Error::Limit`] where the device was made with less than that.
     pub fn new<'a>(compiler: impl Into<Compiler<'a>>) -> Result<Self, Error> {
+        Self::with_primitives(compiler, Primitives::default())
+    }
+
+    /// The same for views that are made for other primitives than [`Primitives::Triangles`], which `Primitives::RayQuery` alone
+    /// are: there are no surfels.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for [`Primitives::Disks`], [`Error::Feature`] and [`Error::Limit`] for what the device was not made
+    /// with.
+    pub fn with_primitives<'a>(
+        compiler: impl Into<Compiler<'a>>,
+        primitives: Primitives,
+    ) -> Result<Self, Error> {
         let compiler = compiler.into();
+        check_setting(
+            !primitives.are_disks(),
+            "RayTracedScene::with_primitives",
+            f64::from(u8::from(primitives.are_disks())),
+            "primitives that are triangles",
+        )?;
         Ok(Self {
             surfelizer: Surfelizer::new(compiler)?,
-            builder: BvhBuilder::new(compiler, Primitives::Triangles)?,
+            builder: BvhBuilder::new(compiler, primitives)?,
             room: None,
             readback: Readback::default(),
             counts: None,

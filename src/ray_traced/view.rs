@@ -13,6 +13,7 @@ use crate::{
         settings::{BouncedSettings, Sampling},
         view::BouncedView,
     },
+    bvh::Primitives,
     camera::{Camera, Viewport},
     effect::Channels,
     error::{Error, check_setting},
@@ -20,6 +21,7 @@ use crate::{
     gpu::compiler::Compiler,
     gpu::screen,
     hit_resolver::{HitResolver, HitResolverInput, HitResolverView},
+    ray_budget::{RayBudget, RayBudgetInput, view::RayBudgetView},
     receivers::{FrameInput, GBufferDecoder, Receivers, plane_bytes, plane_for},
     recorded::never,
     temporal_accumulator::{
@@ -81,6 +83,8 @@ pub struct RayTracedViewDescriptor {
     pub effect: RayTracedEffect,
     /// Rays per pixel, and the filter.
     pub rays: RaySettings,
+    /// What rays meet: what the scene was made for.
+    pub primitives: Primitives,
     /// How frames are joined, if they are: each then has rays of its own, and few are enough.
     pub temporal: Option<TemporalSettings>,
     /// Format of the caller's texture: any colour format of floats that can be rendered to.
@@ -90,9 +94,14 @@ pub struct RayTracedViewDescriptor {
 impl RayTracedViewDescriptor {
     /// Each frame for itself.
     pub fn new(effect: RayTracedEffect, quality: Quality, target: TextureFormat) -> Self {
+        let rays = quality.rays(effect.payload());
         Self {
             effect,
-            rays: quality.rays(effect.payload()),
+            rays: match effect.sampling() {
+                Sampling::Glossy => rays.everywhere(),
+                Sampling::Cosine | Sampling::Uniform => rays,
+            },
+            primitives: Primitives::default(),
             temporal: None,
             target,
         }
@@ -145,6 +154,7 @@ pub struct RayTracedView {
     decoder: GBufferDecoder,
     tracer: BouncedZBuffer,
     resolver: HitResolver,
+    budget: Option<RayBudget>,
     temporal: Option<Temporal>,
     room: Option<Room>,
 }
@@ -166,6 +176,7 @@ struct Room {
     receivers: Receivers,
     hits: BouncedView,
     scratch: HitResolverView,
+    budget: Option<RayBudgetView>,
     joined: Option<(Texture, TemporalHistory)>,
 }
 
@@ -177,7 +188,7 @@ impl RayTracedView {
     ///
     /// # Errors
     /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats; [`Error::Setting`] for settings out of
-    /// range.
+    /// range; [`Error::Feature`] and [`Error::Limit`] for primitives that the device was not made for.
     pub fn new<'a>(
         compiler: impl Into<Compiler<'a>>,
         descriptor: &RayTracedViewDescriptor,
@@ -187,15 +198,17 @@ impl RayTracedView {
         let RayTracedViewDescriptor {
             effect,
             rays,
+            primitives,
             temporal,
             target,
         } = *descriptor;
         screen::check_format(device, "RayTracedView target", target)?;
-        settings_of(&effect, &rays, 0).validate()?;
-        rays.filter.validate()?;
+        check_rays(&effect, &rays)?;
         let tracer = BouncedDescriptor {
             payload: effect.payload(),
             sampling: effect.sampling(),
+            counted: rays.further.is_some(),
+            primitives,
             ..BouncedDescriptor::default()
         };
         let tracer = BouncedZBuffer::new(compiler, &tracer)?;
@@ -217,6 +230,7 @@ impl RayTracedView {
         Ok(Self {
             resolver: tracer.resolver(compiler, resolved, false)?,
             decoder: GBufferDecoder::new(compiler)?,
+            budget: rays.further.map(|_| RayBudget::new(compiler)).transpose()?,
             tracer,
             effect,
             target,
@@ -229,10 +243,17 @@ impl RayTracedView {
     /// Changes rays and filter, from the next recording on.
     ///
     /// # Errors
-    /// [`Error::Setting`] for settings out of range; those of before stay.
+    /// [`Error::Setting`] for settings out of range, [`Error::Mismatch`] for further rays where the view was made without; those
+    /// of before stay.
     pub fn set_rays(&mut self, rays: RaySettings) -> Result<(), Error> {
-        settings_of(&self.effect, &rays, 0).validate()?;
-        rays.filter.validate()?;
+        check_rays(&self.effect, &rays)?;
+        if rays.further.is_some() && self.budget.is_none() {
+            return Err(Error::Mismatch {
+                name: "RaySettings::further",
+                found: "further rays".into(),
+                needed: "none, as the view was made for".into(),
+            });
+        }
         self.rays = rays;
         Ok(())
     }
@@ -257,11 +278,11 @@ impl RayTracedView {
     /// Records the effect into the caller's texture.
     ///
     /// # Errors
-    /// [`Error::Recording`] where the scene was not recorded; [`Error::Mismatch`] where light is asked for and the scene was
-    /// recorded without lighting, or where the G-buffer lacks the albedo or roughness that the effect needs; what
-    /// [`GBuffer::validate`] finds; [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target; [`Error::Limit`] for
-    /// a viewport beyond the device's. What [`TemporalAccumulator::record`] finds of motion vectors comes after the frame's rays
-    /// were recorded, and leaves the target alone.
+    /// [`Error::Recording`] where the scene was not recorded; [`Error::Mismatch`] where it is of other primitives, where light is
+    /// asked for and it was recorded without lighting, or where the G-buffer lacks the albedo or roughness that the effect
+    /// needs; what [`GBuffer::validate`] finds; [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target;
+    /// [`Error::Limit`] for a viewport beyond the device's. What [`TemporalAccumulator::record`] finds of motion vectors comes
+    /// after the frame's rays were recorded, and leaves the target alone.
     pub fn record(
         &mut self,
         device: &Device,
@@ -270,6 +291,7 @@ impl RayTracedView {
         input: &RayTracedInput<'_>,
     ) -> Result<(), Error> {
         let (cloud, bvh) = scene.traced().ok_or_else(|| never("RayTracedScene"))?;
+        bvh.check_primitives(self.tracer.descriptor().primitives, cloud)?;
         self.check(scene, input)?;
         self.make_room(device, input.camera)?;
         let Some(room) = &mut self.room else {
@@ -293,6 +315,19 @@ impl RayTracedView {
         let settings = settings_of(&self.effect, &self.rays, number);
         self.tracer
             .record(device, encoder, &traced, &settings, &room.hits)?;
+        if let (Some(further), Some(budget), Some(list)) =
+            (&self.rays.further, &self.budget, &room.budget)
+        {
+            let filter = &self.rays.filter;
+            let hits = (&frame, &room.hits);
+            self.resolver
+                .estimate(device, encoder, hits, filter, &room.scratch)?;
+            let noise = RayBudgetInput::new(&frame, &room.hits, &room.scratch, filter);
+            budget.record(device, encoder, &noise, further, list)?;
+            let into = (&room.hits, list);
+            self.tracer
+                .record_more(device, encoder, &traced, &settings, into)?;
+        }
         let resolved = match &room.joined {
             Some((picture, _)) => picture.into(),
             None => input.target,
@@ -329,6 +364,7 @@ impl RayTracedView {
         room.receivers.memory_bytes()
             + room.hits.memory_bytes()
             + room.scratch.memory_bytes()
+            + room.budget.as_ref().map_or(0, RayBudgetView::memory_bytes)
             + joined
     }
 
@@ -402,11 +438,34 @@ impl RayTracedView {
             rays_per_pixel,
             receivers: self.decoder.create_receivers(device, width, height)?,
             scratch: self.resolver.create_view(device, &hits)?,
+            budget: self
+                .budget
+                .as_ref()
+                .map(|budget| budget.create_view(device, width, height))
+                .transpose()?,
             hits,
             joined,
         });
         Ok(())
     }
+}
+
+/// That rays can be had, for an effect.
+fn check_rays(effect: &RayTracedEffect, rays: &RaySettings) -> Result<(), Error> {
+    settings_of(effect, rays, 0).validate()?;
+    rays.filter.validate()?;
+    let Some(further) = &rays.further else {
+        return Ok(());
+    };
+    further.validate()?;
+    if effect.sampling() == Sampling::Cosine {
+        return Ok(());
+    }
+    Err(Error::Mismatch {
+        name: "RaySettings::further",
+        found: format!("further rays for {effect:?}"),
+        needed: "none, for glossy receivers".into(),
+    })
 }
 
 /// Of one frame before frames are joined.

@@ -9,7 +9,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{
-    directions::{Direction, directions},
+    directions::{Direction, directions, further_point, hemisphere_direction},
     light::arrival,
     packing::pack_color,
     shell_splatter::Receiver,
@@ -18,7 +18,8 @@ use super::{
 };
 use crate::{
     BouncedSettings, Camera, CloudCapacity, Light, Material, Sampling, SurfelCounts,
-    SurfelRadiance, bounced_z_buffer::words,
+    SurfelRadiance,
+    bounced_z_buffer::{params::grid, words},
 };
 
 /// Stands for infinity.
@@ -146,6 +147,15 @@ pub struct Senders<'a> {
     pub radiance: &'a [SurfelRadiance],
 }
 
+/// How many rays a pixel had, as [`BouncedView::counts`](crate::BouncedView::counts).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PixelRays {
+    /// The sum of what came along rays of further sets: radiance, or 1 for each that nothing blocked.
+    pub sum: DVec3,
+    /// Of all sets.
+    pub rays: u32,
+}
+
 /// A view's rays and what they are traced against.
 #[derive(Clone, Copy, Debug)]
 pub struct Tracing<'a> {
@@ -188,6 +198,28 @@ impl Tracing<'_> {
                     ),
                     direction,
                 })
+            })
+            .collect()
+    }
+
+    /// The rays of a pixel's further sets.
+    pub fn further_rays(&self, pixel: usize, sets: u32) -> Vec<Ray> {
+        let Some(receiver) = self.receivers[pixel] else {
+            return Vec::new();
+        };
+        let width = self.camera.viewport().width;
+        let at = [pixel as u32 % width, pixel as u32 / width];
+        let grid = grid(self.settings.rays_per_pixel);
+        let Receiver { position, normal } = receiver;
+        let origin = offset_origin(self.camera, self.origin, position, normal);
+        (0..grid[0] * grid[1])
+            .flat_map(|index| (1..=sets).map(move |turn| [index, turn]))
+            .map(|which| {
+                let point = further_point(at, which, grid, self.settings.frame);
+                Ray {
+                    origin,
+                    direction: hemisphere_direction(point, normal, self.sampling).direction,
+                }
             })
             .collect()
     }

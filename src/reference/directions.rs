@@ -34,8 +34,21 @@ pub const LATTICE: [[u32; 2]; 2] = [
     [1_036_808_364, 2_481_981_723],
 ];
 
-/// The point of cell `index` of columns × rows, in the unit square.
-pub fn cell_point(pixel: [u32; 2], index: u32, [columns, rows]: [u32; 2], frame: u32) -> DVec2 {
+/// By what the points of a further set are off those of the set before, in units of 2⁻³².
+pub const TURN_STEP: [u32; 2] = [3_242_174_889, 2_447_445_414];
+
+/// The point of cell `index` of columns × rows, in the unit square, of a pixel's first set.
+pub fn cell_point(pixel: [u32; 2], index: u32, grid: [u32; 2], frame: u32) -> DVec2 {
+    further_point(pixel, [index, 0], grid, frame)
+}
+
+/// That of the further set `turn`.
+pub fn further_point(
+    pixel: [u32; 2],
+    [index, turn]: [u32; 2],
+    [columns, rows]: [u32; 2],
+    frame: u32,
+) -> DVec2 {
     let key = hash(index + 1);
     let over_frames = [scramble(frame, key), scramble(sobol2(frame), hash(key))];
     let [x, y] = [0, 1].map(|axis: usize| {
@@ -43,7 +56,8 @@ pub fn cell_point(pixel: [u32; 2], index: u32, [columns, rows]: [u32; 2], frame:
         let over_pixels = column
             .wrapping_mul(pixel[0])
             .wrapping_add(row.wrapping_mul(pixel[1]));
-        unit_float(over_pixels.wrapping_add(over_frames[axis].reverse_bits()))
+        let within = over_pixels.wrapping_add(over_frames[axis].reverse_bits());
+        unit_float(within.wrapping_add(turn.wrapping_mul(TURN_STEP[axis])))
     });
     DVec2::new(
         (f64::from(index % columns) + x) / f64::from(columns),

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3, IVec2};
 use rayon::prelude::*;
 
 use super::{
-    bounced_z_buffer::NEAREST,
+    bounced_z_buffer::{NEAREST, PixelRays},
     directions::{Direction, directions, tangent_frame},
     shell_splatter::Receiver,
 };
@@ -38,7 +38,12 @@ pub struct HitResolution<'a> {
     pub incoming: &'a [DVec3],
     /// How near each pixel's hits are, as [`BouncedView::nearness`](crate::BouncedView::nearness).
     pub nearness: &'a [u32],
+    /// How many rays each pixel had, where they are counted.
+    pub counts: Option<&'a [PixelRays]>,
 }
+
+/// The least sum of neighbours' weights that a plane is fitted to, where the pixel itself has no rays.
+const LEAST_KIN: f64 = 1e-3;
 
 /// Neighbours are not taken to be farther away than so many units.
 const FARTHEST: f64 = 1000.0;
@@ -48,7 +53,7 @@ const FARTHEST: f64 = 1000.0;
 pub struct Mean {
     /// The mean.
     pub mean: DVec3,
-    /// The variance of its luminance.
+    /// The variance of its luminance; negative where there are no rays, if they are counted.
     pub variance: f64,
 }
 
@@ -78,9 +83,17 @@ impl HitResolution<'_> {
         let rays_per_pixel = drawn.len() / self.receivers.len().max(1);
         (0..self.receivers.len())
             .map(|pixel| {
-                let Some(receiver) = self.receivers[pixel] else {
-                    return Mean::default();
+                let counts = self.counts.map(|counts| counts[pixel]);
+                let none = Mean {
+                    variance: if counts.is_some() { -1.0 } else { 0.0 },
+                    ..Mean::default()
                 };
+                let Some(receiver) = self.receivers[pixel] else {
+                    return none;
+                };
+                if counts.is_some_and(|own| own.rays == 0) {
+                    return none;
+                }
                 let mut sum = DVec3::ZERO;
                 let mut weights = 0.0;
                 let mut squares = 0.0;
@@ -95,33 +108,46 @@ impl HitResolution<'_> {
                     squares += weight * luminance(value) * luminance(value);
                 }
                 let per_weight = 1.0 / f64::max(weights, 1e-6);
-                let mean = sum * per_weight;
+                let mut mean = sum * per_weight;
                 let spread = (squares * per_weight - luminance(mean) * luminance(mean)).max(0.0);
+                let mut rays = rays_per_pixel as f64;
+                if let Some(own) = counts
+                    && own.rays as usize > rays_per_pixel
+                {
+                    rays = f64::from(own.rays);
+                    mean = (sum + own.sum) / rays;
+                }
                 let whole = match self.payload {
                     Payload::Radiance | Payload::LitRadiance => luminance(mean),
                     Payload::Occlusion => 1.0,
                 };
-                let chance = 0.5 * whole / rays_per_pixel as f64;
+                let chance = 0.5 * whole / rays;
                 Mean {
                     mean,
-                    variance: 0.5 * spread / rays_per_pixel as f64 + chance * chance,
+                    variance: 0.5 * spread / rays + chance * chance,
                 }
             })
             .collect()
     }
 
     /// A pixel's side at a receiver.
-    fn side(&self, receiver: &Receiver) -> f64 {
+    pub(super) fn side(&self, receiver: &Receiver) -> f64 {
         let eye = self.camera.eye() - self.origin;
         self.camera.footprint().at(receiver.position - eye)
     }
 
-    fn per_tolerance_at(&self, pixel: f64) -> f64 {
+    pub(super) fn per_tolerance_at(&self, pixel: f64) -> f64 {
         1.0 / (f64::from(self.settings.plane_distance) * pixel).max(1e-30)
     }
 
     /// How far a neighbour's surface is the pixel's own; `d` leads from the pixel to it.
-    fn kinship(&self, normal: DVec3, other_normal: DVec3, d: DVec3, per_tolerance: f64) -> f64 {
+    pub(super) fn kinship(
+        &self,
+        normal: DVec3,
+        other_normal: DVec3,
+        d: DVec3,
+        per_tolerance: f64,
+    ) -> f64 {
         let off_plane = normal.dot(d).abs().max(other_normal.dot(d).abs()) * per_tolerance;
         let in_plane = (1.0 - off_plane * off_plane).max(0.0);
         let power = f64::from(self.settings.normal_power);
@@ -155,18 +181,25 @@ impl HitResolution<'_> {
                 let Some(other) = self.receivers[index(there)] else {
                     continue;
                 };
+                let rays = self
+                    .counts
+                    .map_or(self.traced.rays_per_pixel.max(1), |counts| {
+                        counts[index(there)].rays
+                    });
+                if rays == 0 {
+                    continue;
+                }
                 let d = other.position - position;
                 let mut weight = self.kinship(normal, other.normal, d, per_tolerance);
                 if there == at {
                     weight = 1.0;
                 }
-                let rays_per_pixel = f64::from(self.traced.rays_per_pixel.max(1));
-                let units = rays_per_pixel * NEAREST * self.side(&other).max(1e-30);
+                let units = f64::from(rays) * NEAREST * self.side(&other).max(1e-30);
                 sum += weight * f64::from(self.nearness[index(there)]) / units;
                 weights += weight;
             }
         }
-        sum / weights
+        sum / f64::max(weights, 1e-30)
     }
 
     /// The plane about each pixel, before it meets the albedo; `None` for the sky.
@@ -205,6 +238,8 @@ impl HitResolution<'_> {
         let mut sum = DVec3::ZERO;
         let mut sum_u = DVec3::ZERO;
         let mut sum_v = DVec3::ZERO;
+        let mut near_sum = DVec3::ZERO;
+        let mut near_weights = 0.0;
         for y in low.y..=high.y {
             for x in low.x..=high.x {
                 let there = IVec2::new(x, y);
@@ -215,10 +250,16 @@ impl HitResolution<'_> {
                 let mut weight = self.kinship(normal, other.normal, d, per_tolerance);
                 let theirs = means[index(there)];
                 let aside = (there - at).as_dvec2();
+                if theirs.variance < 0.0 {
+                    continue;
+                }
+                let plain = (-aside.length_squared() * falloff).exp();
+                near_sum += plain * theirs.mean;
+                near_weights += plain;
                 let nearest = near[index(at)].max(near[index(there)]);
                 let hits_aside = d.length() * nearest * per_hit_distance;
                 let mut distance = aside.length_squared() * falloff + hits_aside * hits_aside;
-                if settings.variance_clamp > 0.0 {
+                if settings.variance_clamp > 0.0 && own.variance >= 0.0 {
                     let difference = luminance(theirs.mean) - luminance(own.mean);
                     let variance_clamp = f64::from(settings.variance_clamp);
                     let allowed =
@@ -256,6 +297,13 @@ impl HitResolution<'_> {
                 sum_u += weighted * place.x;
                 sum_v += weighted * place.y;
             }
+        }
+        if own.variance < 0.0 && weights < LEAST_KIN {
+            return Some(match self.payload {
+                _ if near_weights > 0.0 => near_sum / near_weights,
+                Payload::Occlusion => DVec3::ONE,
+                Payload::Radiance | Payload::LitRadiance => DVec3::ZERO,
+            });
         }
         let per_weight = 1.0 / f64::max(weights, 1e-6);
         let average = sum * per_weight;

@@ -15,6 +15,7 @@ pub mod multi_res_mask;
 pub mod multi_res_reconstructor;
 pub mod objects;
 pub mod packing;
+pub mod ray_budget;
 pub mod receivers;
 pub mod reconstructor;
 pub mod sample_tables;

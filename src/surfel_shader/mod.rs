@@ -4,8 +4,8 @@ pub(crate) mod params;
 pub(crate) mod settings;
 
 use wgpu::{
-    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache, TextureUsages,
-    TextureView,
+    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, Features, PipelineCache,
+    TextureUsages, TextureView,
 };
 
 use self::{
@@ -13,7 +13,7 @@ use self::{
     settings::SurfelShaderSettings,
 };
 use crate::{
-    bvh::Bvh,
+    bvh::{Bvh, Primitives},
     camera::Camera,
     effect::Listing,
     error::{Error, check_limit, check_setting},
@@ -22,7 +22,7 @@ use crate::{
     gpu::listing::name_of,
     gpu::{
         Kernel, Timestamps,
-        binding::{self, Layout, view, whole},
+        binding::{self, Layout, Named, view, whole},
         check_timestamps, compute_pass, shader, storage,
         uniforms::{Parameters, Place, Uniforms, Uploaded},
     },
@@ -49,6 +49,9 @@ pub struct SurfelShader {
     plain: [ShadeKernel; 2],
     mapped: [ShadeKernel; 2],
     traced: [ShadeKernel; 2],
+    /// Where the device traces rays itself.
+    #[cfg(feature = "ray-query")]
+    by_device: Option<[ShadeKernel; 2]>,
     uniforms: Uniforms,
 }
 
@@ -222,9 +225,15 @@ impl SurfelShader {
             Ok([kernel(false)?, kernel(true)?])
         };
         Ok(Self {
+            #[cfg(feature = "ray-query")]
+            by_device: Primitives::RayQuery
+                .validate(device)
+                .is_ok()
+                .then(|| kernels(ShadowKind::Traced(Primitives::RayQuery)))
+                .transpose()?,
             plain: kernels(ShadowKind::None)?,
             mapped: kernels(ShadowKind::Map)?,
-            traced: kernels(ShadowKind::Traced)?,
+            traced: kernels(ShadowKind::Traced(Primitives::Triangles))?,
             uniforms: Uniforms::new(LABEL),
         })
     }
@@ -265,7 +274,7 @@ impl SurfelShader {
                 Shadow::None => {}
                 Shadow::Map(map) => map.validate()?,
                 Shadow::Traced(bvh) => {
-                    bvh.triangles(input.cloud)?;
+                    self.traced(bvh, input.cloud)?;
                 }
             }
         }
@@ -318,6 +327,26 @@ impl SurfelShader {
         Ok(())
     }
 
+    /// The kernels that trace such a hierarchy, and what they bind of it.
+    fn traced<'b>(
+        &self,
+        bvh: &'b Bvh,
+        cloud: &SurfelCloud,
+    ) -> Result<(&[ShadeKernel; 2], Vec<Named<'b>>), Error> {
+        match bvh.primitives() {
+            #[cfg(feature = "ray-query")]
+            Primitives::RayQuery => {
+                let pieces = bvh.pieces(cloud, Primitives::RayQuery)?;
+                let kernels = self.by_device.as_ref().ok_or_else(|| Error::Feature {
+                    feature: Primitives::RayQuery.features(),
+                    why: LABEL,
+                })?;
+                Ok((kernels, pieces))
+            }
+            _ => Ok((&self.traced, bvh.pieces(cloud, Primitives::Triangles)?)),
+        }
+    }
+
     fn dispatch(
         &self,
         device: &Device,
@@ -338,7 +367,9 @@ impl SurfelShader {
                 binding::first(input.radiance, radiance_bytes(cloud)),
             ),
         ];
-        if dispatch.samples > 1 {
+        let by_device =
+            matches!(&dispatch.shadow, Shadow::Traced(bvh) if bvh.primitives().by_device());
+        if dispatch.samples > 1 || by_device {
             resources.push(("pieces", whole(&cloud.pieces)));
         }
         resources.extend(dispatch.map.map(|map| ("shadow", parameters.at(map))));
@@ -350,12 +381,9 @@ impl SurfelShader {
                 &self.mapped
             }
             Shadow::Traced(bvh) => {
-                let bounds = bvh.triangles(cloud)?;
-                resources.extend([
-                    ("nodes", view(&bounds.nodes)),
-                    ("triangles", view(&bounds.triangles)),
-                ]);
-                &self.traced
+                let (kernels, pieces) = self.traced(bvh, cloud)?;
+                resources.extend(pieces);
+                kernels
             }
             Shadow::None => &self.plain,
         };
@@ -405,7 +433,7 @@ impl ShadeKernel {
 pub(crate) enum ShadowKind {
     None,
     Map,
-    Traced,
+    Traced(Primitives),
 }
 
 /// What a module is assembled for.
@@ -421,7 +449,10 @@ fn source(variant: ShadeVariant) -> Result<String, Error> {
     match variant.shadow {
         ShadowKind::None => {}
         ShadowKind::Map => flags.push("SHADOW_MAP"),
-        ShadowKind::Traced => flags.extend(["SHADOW_TRACED", "SHADOW_RAYS"]),
+        ShadowKind::Traced(primitives) => {
+            flags.extend(["SHADOW_TRACED", "SHADOW_RAYS"]);
+            flags.extend(primitives.by_device().then_some("RAY_QUERY"));
+        }
     }
     flags.extend(variant.samples.then_some("SAMPLES"));
     shader::assemble("surfel_shader", SOURCE, &flags, &[])
@@ -454,11 +485,23 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
     for (shadow, name) in [
         (ShadowKind::None, "surfel_shader"),
         (ShadowKind::Map, "surfel_shader shadow map"),
-        (ShadowKind::Traced, "surfel_shader shadow traced"),
+        (
+            ShadowKind::Traced(Primitives::Triangles),
+            "surfel_shader shadow traced",
+        ),
+        #[cfg(feature = "ray-query")]
+        (
+            ShadowKind::Traced(Primitives::RayQuery),
+            "surfel_shader shadow traced ray query",
+        ),
     ] {
         for samples in [false, true] {
             let name = name_of(name, &[(samples, "samples")]);
-            all.add(&name, source(ShadeVariant { shadow, samples })?);
+            let features = match shadow {
+                ShadowKind::Traced(primitives) => primitives.features(),
+                _ => Features::empty(),
+            };
+            all.add_for(features, &name, source(ShadeVariant { shadow, samples })?);
         }
     }
     Ok(())

@@ -4,9 +4,9 @@ use std::f64::consts::PI;
 use support::testing::pipelines;
 
 use deep_screen_space::{
-    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, Camera, CloudCapacity, Error,
-    HitLighting, HitRadiance, Payload, Placement, Primitives, Sampling, SurfelRadiance,
-    SurfelizerSettings, Timestamps, Viewport,
+    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, BvhBuilder,
+    Camera, CloudCapacity, Error, HitLighting, HitRadiance, Payload, Placement, Primitives,
+    RayTracedScene, Sampling, SurfelRadiance, SurfelizerSettings, Timestamps, Viewport,
     glam::{DMat4, DVec2, DVec3, DVec4},
     reference::{
         bounced_z_buffer::{Senders, Tracing},
@@ -1314,5 +1314,30 @@ fn what_does_not_fit_is_a_typed_error() {
             timestamps,
         );
         assert_eq!(named(wrong), "Timestamps::end");
+    }
+}
+
+/// A device that was not made for rays of its own refuses them by the name of what it lacks.
+#[test]
+fn ray_queries_need_a_device_for_them() {
+    let device = &lab().gpu.device;
+    let primitives = Primitives::RayQuery;
+    let descriptor = BouncedDescriptor {
+        primitives,
+        ..BouncedDescriptor::default()
+    };
+    for refused in [
+        BvhBuilder::new(device, primitives).err(),
+        BouncedZBuffer::new(device, &descriptor).err(),
+        RayTracedScene::with_primitives(device, primitives).err(),
+    ] {
+        assert!(
+            matches!(
+                refused,
+                Some(Error::Feature { feature, why: "Primitives::RayQuery" })
+                    if feature == wgpu::Features::EXPERIMENTAL_RAY_QUERY
+            ),
+            "{refused:?}"
+        );
     }
 }

@@ -228,6 +228,7 @@ impl Stage {
             payload: job.payload,
             sampling: Sampling::Glossy,
             deferred: job.deferred,
+            counted: false,
             target: TextureFormat::Rgba32Float,
         });
         let view = bounced.create_view(device, SIDE, SIDE, job.rays_per_pixel)?;

@@ -26,7 +26,7 @@ fn traced(rays_per_pixel: u32) -> BouncedSettings {
 }
 
 /// Each pixel's own hits alone.
-fn own() -> HitResolverSettings {
+pub fn own() -> HitResolverSettings {
     HitResolverSettings {
         radius: 0,
         ..HitResolverSettings::default()
@@ -35,7 +35,7 @@ fn own() -> HitResolverSettings {
 
 /// A scene's own view from a little aside: views of rooms are symmetric, and pixels would lie on the very edge of two
 /// walls, where f32 cannot tell on which side of the other one they are.
-fn shot_of(scene: &Scene, view: usize, size: [u32; 2]) -> Shot {
+pub fn shot_of(scene: &Scene, view: usize, size: [u32; 2]) -> Shot {
     let plain = camera_of(scene, view, size);
     let aside = plain.eye() + DVec3::new(0.0137, 0.0071, 0.0043);
     let view = &scene.views[view];
@@ -195,6 +195,7 @@ fn reconstruction_is_the_mirrors() {
                         deferred,
                         incoming: &incoming,
                         nearness: &nearness,
+                        counts: None,
                     };
                     let expected = mirror.reconstruct(&mirror.average(), &mirror.near());
                     let found = lab.reconstruct(reconstructor, &shot, &hits, &settings);
@@ -250,7 +251,7 @@ fn openness(
 }
 
 /// Errors at the pixels that see something.
-fn errors(shot: &Shot, found: &[f64], truth: &[f64]) -> Vec<f64> {
+pub fn errors(shot: &Shot, found: &[f64], truth: &[f64]) -> Vec<f64> {
     let seen = shot.pixels.iter().map(Option::is_some);
     found
         .iter()
@@ -260,11 +261,11 @@ fn errors(shot: &Shot, found: &[f64], truth: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-fn rms(errors: &[f64]) -> f64 {
+pub fn rms(errors: &[f64]) -> f64 {
     (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt()
 }
 
-fn truth(shot: &Shot, radius: f64, rays: u32) -> Vec<f64> {
+pub fn truth(shot: &Shot, radius: f64, rays: u32) -> Vec<f64> {
     shot.tracer
         .ambient_occlusion_image(&tracer_receivers(shot), radius, rays, 11, false)
         .into_iter()
@@ -671,6 +672,7 @@ fn steady_changes_are_kept() {
             deferred: false,
             incoming: &incoming,
             nearness: &nearness,
+            counts: None,
         };
         let found = mirror.reconstruct(&mirror.average(), &mirror.near());
         let off = |(i, found): (usize, &Option<DVec3>)| {
@@ -817,6 +819,7 @@ fn what_does_not_fit_is_a_typed_error() {
             payload: Payload::Occlusion,
             sampling: Sampling::Cosine,
             deferred: false,
+            counted: false,
             target,
         };
         let made = HitResolver::new(device, &descriptor);

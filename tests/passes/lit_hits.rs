@@ -16,7 +16,7 @@ use deep_screen_space::{
 use support::raster::perspective;
 use support::testing::frames::Decoded;
 use support::testing::rays;
-use support::testing::rays::{AMPLE, lab, moved, triangles};
+use support::testing::rays::{AMPLE, lab, lights, moved, relative, triangles};
 use support::testing::shot::{Shot, camera_of};
 
 /// A colour is packed into steps of 1/256 of its largest component at most; the rest is f32's rounding.
@@ -33,48 +33,6 @@ fn descriptor() -> BouncedDescriptor {
         payload: Payload::LitRadiance,
         ..BouncedDescriptor::default()
     }
-}
-
-fn lights(scene: &Scene, scale: f64, shift: DVec3) -> Vec<Light> {
-    let low = scene
-        .positions
-        .iter()
-        .fold(DVec3::INFINITY, |a, p| a.min(DVec3::from(p.map(f64::from))));
-    let high = scene.positions.iter().fold(DVec3::NEG_INFINITY, |a, p| {
-        a.max(DVec3::from(p.map(f64::from)))
-    });
-    let place = |p: DVec3| (low + (high - low) * p) * scale + shift;
-    let bright = (scale * scale) as f32 * (high - low).length_squared() as f32;
-    vec![
-        Light::Directional {
-            direction: DVec3::new(0.3, -1.0, 0.2),
-            irradiance: [1.0, 0.5, 0.25],
-        },
-        Light::Point {
-            position: place(DVec3::new(0.4, 0.8, 0.55)),
-            intensity: [0.1, 1.0, 0.3].map(|c| c * bright),
-        },
-        // None of it, and it takes no room.
-        Light::Point {
-            position: place(DVec3::splat(0.5)),
-            intensity: [0.0; 3],
-        },
-        Light::Spot {
-            position: place(DVec3::new(0.7, 0.9, 0.3)),
-            direction: DVec3::new(-0.4, -1.0, 0.1),
-            intensity: [0.2, 0.1, 2.0].map(|c| c * bright),
-            inner: 0.2,
-            outer: 0.7,
-        },
-    ]
-}
-
-fn relative(light: &Light, origin: DVec3) -> Light {
-    let mut light = *light;
-    if let Light::Point { position, .. } | Light::Spot { position, .. } = &mut light {
-        *position -= origin;
-    }
-    light
 }
 
 struct Case {

@@ -11,6 +11,7 @@ mod lit_hits;
 mod multi_res_mask;
 mod multi_res_reconstructor;
 mod one_bounce;
+mod ray_budget;
 mod reconstructor;
 mod screen_space_gi;
 mod sg_glossy;

@@ -78,11 +78,16 @@ fn validate(shader: &Shader, capabilities: Capabilities) -> Result<(), String> {
 const FLOOR: Capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32;
 
 fn capabilities(features: Features) -> Capabilities {
-    if features.contains(Features::SUBGROUP) {
-        FLOOR | Capabilities::SUBGROUP
-    } else {
-        FLOOR
-    }
+    let mut capabilities = FLOOR;
+    capabilities.set(
+        Capabilities::SUBGROUP,
+        features.contains(Features::SUBGROUP),
+    );
+    capabilities.set(
+        Capabilities::RAY_QUERY,
+        features.contains(Features::EXPERIMENTAL_RAY_QUERY),
+    );
+    capabilities
 }
 
 #[test]
@@ -92,6 +97,10 @@ fn every_variant_validates_with_the_capabilities_it_asks_for() {
     for shader in variants() {
         if let Err(problem) = validate(&shader, capabilities(shader.features)) {
             panic!("{}:\n{problem}", shader.name);
+        }
+        // No browser has these.
+        if shader.features.contains(Features::EXPERIMENTAL_RAY_QUERY) {
+            continue;
         }
         let header = if shader.features.contains(Features::SUBGROUP) {
             "// requires: subgroups\n"

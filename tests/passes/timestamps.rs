@@ -217,6 +217,7 @@ fn recordings_from_surfels_write_their_times() {
         payload: Payload::Occlusion,
         sampling: Sampling::Cosine,
         deferred: true,
+        counted: false,
         target: format,
     };
     let reconstructor = pipelines::hit_resolver(&descriptor);

@@ -9,7 +9,7 @@ use deep_screen_space::{
 use serde_json::json;
 
 use support::{
-    bounced::BouncedRenderer,
+    bounced::{BouncedRenderer, RayRoom},
     presets::bounced_preset,
     raster::{Raster, perspective},
     scene::{SceneBuffers, runs},
@@ -130,8 +130,10 @@ fn runs_draw_the_same() {
             Payload::Occlusion,
             capacity,
             [96, 64],
-            rays_per_pixel,
-            false,
+            RayRoom {
+                rays_per_pixel,
+                ..RayRoom::default()
+            },
         )
         .and_then(|mut r| r.render(&GPU, &raster, buffers, &camera, &[], &preset))
         .expect("a picture")

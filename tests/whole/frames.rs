@@ -69,6 +69,7 @@ impl Stage {
                 payload: Payload::Radiance,
                 sampling,
                 deferred: false,
+                counted: false,
                 target: TextureFormat::Rgba32Float,
             };
             Gatherer::new(gpu, descriptor, [SIDE; 2], 64, false).expect("room")
@@ -138,6 +139,7 @@ impl Stage {
                 camera,
                 &self.senders,
                 (&traced, &settings),
+                None,
             )
             .expect("a picture");
         gatherer

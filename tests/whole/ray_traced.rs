@@ -2,9 +2,10 @@
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, Camera, CloudCapacity, Error, GBuffer, Geometry, HitLighting,
-    HitRadiance, HitResolverInput, Light, Mesh, Payload, Primitives, Quality, RaySettings,
-    RayTracedEffect, RayTracedInput, RayTracedScene, RayTracedSceneInput, RayTracedView,
-    RayTracedViewDescriptor, SurfelizerInput, SurfelizerSettings, TemporalSettings, Viewport,
+    HitRadiance, HitResolverInput, Light, Mesh, Payload, Primitives, Quality, RayBudget,
+    RayBudgetInput, RaySettings, RayTracedEffect, RayTracedInput, RayTracedScene,
+    RayTracedSceneInput, RayTracedView, RayTracedViewDescriptor, SurfelizerInput,
+    SurfelizerSettings, TemporalSettings, Viewport,
     glam::DVec3,
     scenes,
     wgpu::{self, TextureFormat as Format},
@@ -82,14 +83,15 @@ fn by_hand(shot: &Shot, payload: Payload) -> Vec<[f32; 4]> {
         .expect("room");
     let builder = pipelines::bvh_builder(Primitives::Triangles);
     let bvh = builder.create(device, &cloud).expect("room");
+    let rays: RaySettings = Quality::Fast.rays(payload);
     let tracer = pipelines::bounced(&BouncedDescriptor {
         payload,
+        counted: rays.further.is_some(),
         ..BouncedDescriptor::default()
     });
     let resolver = tracer
         .resolver(device, Format::Rgba32Float, false)
         .expect("pipelines");
-    let rays: RaySettings = Quality::Fast.rays(payload);
     let hits = tracer
         .create_view(device, width, height, rays.rays_per_pixel)
         .expect("room");
@@ -132,6 +134,26 @@ fn by_hand(shot: &Shot, payload: Payload) -> Vec<[f32; 4]> {
     tracer
         .record(device, &mut encoder, &input, &traced, &hits)
         .expect("hits");
+    if let Some(further) = &rays.further {
+        let budget = RayBudget::new(device).expect("pipelines");
+        let list = budget.create_view(device, width, height).expect("room");
+        resolver
+            .estimate(
+                device,
+                &mut encoder,
+                (&frame, &hits),
+                &rays.filter,
+                &scratch,
+            )
+            .expect("means");
+        let noise = RayBudgetInput::new(&frame, &hits, &scratch, &rays.filter);
+        budget
+            .record(device, &mut encoder, &noise, further, &list)
+            .expect("a budget");
+        tracer
+            .record_more(device, &mut encoder, &input, &traced, (&hits, &list))
+            .expect("further rays");
+    }
     let input = HitResolverInput::new(&frame, &hits, target.texture());
     resolver
         .record(device, &mut encoder, &input, &rays.filter, &scratch)

@@ -2,6 +2,7 @@
 // Needs math, hashing, surfel and slots.
 
 #import ray
+#import sound_piece
 
 // Found and counted on the way.
 struct State {
@@ -53,11 +54,6 @@ fn union_of(a: Box, b: Box) -> Box {
 fn half_area(box: Box) -> f32 {
   let e = min(box.high - box.low, vec3f(FAR));
   return e.x * e.y + e.y * e.z + e.z * e.x;
-}
-
-fn is_sound(piece: Piece) -> bool {
-  let largest = max(abs(piece.a), max(abs(piece.b), abs(piece.c)));
-  return is_finite3(piece.a) && is_finite3(piece.b) && is_finite3(piece.c) && max_component(largest) <= FAR;
 }
 
 fn center_of(piece: Piece) -> vec3f {

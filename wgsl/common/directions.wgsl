@@ -40,8 +40,13 @@ fn scramble(bits: u32, key: u32) -> u32 {
 const LATTICE_X: vec2u = vec2u(1784664572u, 1394608229u);
 const LATTICE_Y: vec2u = vec2u(1036808364u, 2481981723u);
 
-// The point of cell `index` of columns x rows, in the unit square. Sums of integers wrap as the square does.
-fn cell_point(pixel: vec2u, index: u32, columns: u32, rows: u32, frame: u32) -> vec2f {
+// By what the points of a further set are off those of the set before: powers of the plastic number (M. Roberts 2018), so that
+// the sets of a pixel lie evenly within each cell, however many they are.
+const TURN_STEP: vec2u = vec2u(3242174889u, 2447445414u);
+
+// The point of cell `index` of columns x rows, in the unit square, of a further set of rays. Sums of integers wrap as the square
+// does.
+fn further_point(pixel: vec2u, index: u32, turn: u32, columns: u32, rows: u32, frame: u32) -> vec2f {
   // Each cell has frames of its own order, and so a place of its own in the first.
   let key = hash(index + 1u);
   let over_frames = vec2u(scramble(frame, key), scramble(sobol2(frame), hash(key)));
@@ -49,10 +54,15 @@ fn cell_point(pixel: vec2u, index: u32, columns: u32, rows: u32, frame: u32) -> 
     LATTICE_X.x * pixel.x + LATTICE_X.y * pixel.y,
     LATTICE_Y.x * pixel.x + LATTICE_Y.y * pixel.y,
   );
-  let within = over_pixels + reverseBits(over_frames);
+  let within = over_pixels + reverseBits(over_frames) + turn * TURN_STEP;
   let x = unit_float(within.x);
   let y = unit_float(within.y);
   return vec2f((f32(index % columns) + x) / f32(columns), (f32(index / columns) + y) / f32(rows));
+}
+
+// That of a pixel's first set.
+fn cell_point(pixel: vec2u, index: u32, columns: u32, rows: u32, frame: u32) -> vec2f {
+  return further_point(pixel, index, 0u, columns, rows, frame);
 }
 
 // The unit square to the unit disk by equal areas, squares about the centre to circles (Shirley and Chiu 1997): the point, and

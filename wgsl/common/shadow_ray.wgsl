@@ -1,4 +1,4 @@
-// Shadows along rays. Needs light and bvh_traverse, with #if SHADOW_RAYS.
+// Shadows along rays. Needs light, and bvh_traverse or ray_query_traverse, with #if SHADOW_RAYS.
 
 // Whether a light reaches a point off a surface, 1 or 0.
 fn unshadowed(point: vec3f, light: Light) -> f32 {

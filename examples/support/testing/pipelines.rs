@@ -17,12 +17,16 @@ use deep_screen_space::{
 
 use crate::gpu::{Ask, Gpu};
 
+static GPU: OnceLock<Gpu> = OnceLock::new();
+
 /// The device that all tests share. Those that break theirs open one of their own.
 pub fn gpu() -> &'static Gpu {
-    static GPU: LazyLock<Gpu> = LazyLock::new(|| {
-        Gpu::open(Ask::from_env()).expect("a graphics adapter; scripts/test.sh installs one")
-    });
-    &GPU
+    gpu_or(|| Gpu::open(Ask::from_env()).expect("a graphics adapter; scripts/test.sh installs one"))
+}
+
+/// The same, for tests that need another kind: opened by the first of them.
+pub fn gpu_or(open: impl FnOnce() -> Gpu) -> &'static Gpu {
+    GPU.get_or_init(open)
 }
 
 type Slot = Arc<OnceLock<&'static (dyn Any + Send + Sync)>>;

@@ -23,12 +23,11 @@ use crate::{gpu::Gpu, testing::frames::Decoded, testing::shot::Shot};
 pub struct Lab {
     pub gpu: &'static Gpu,
     pub surfelizer: &'static Surfelizer,
+    /// What rays meet.
+    pub primitives: Primitives,
 }
 
-static LAB: LazyLock<Lab> = LazyLock::new(|| Lab {
-    gpu: pipelines::gpu(),
-    surfelizer: pipelines::surfelizer(),
-});
+static LAB: LazyLock<Lab> = LazyLock::new(|| Lab::of(Primitives::Triangles));
 
 pub fn lab() -> &'static Lab {
     &LAB
@@ -58,10 +57,19 @@ pub struct Senders {
 }
 
 impl Lab {
+    pub fn of(primitives: Primitives) -> Self {
+        Self {
+            gpu: pipelines::gpu(),
+            surfelizer: pipelines::surfelizer(),
+            primitives,
+        }
+    }
+
     pub fn tracer(&self, payload: Payload, sampling: Sampling) -> &'static BouncedZBuffer {
         pipelines::bounced(&BouncedDescriptor {
             payload,
             sampling,
+            primitives: self.primitives,
             ..BouncedDescriptor::default()
         })
     }
@@ -79,7 +87,7 @@ impl Lab {
             .create_cloud(device, capacity)
             .expect("a cloud");
         let mut senders = Senders {
-            bounds: pipelines::bvh_builder(Primitives::Triangles)
+            bounds: pipelines::bvh_builder(self.primitives)
                 .create(device, &cloud)
                 .expect("bounds"),
             cloud,
@@ -109,7 +117,7 @@ impl Lab {
         self.surfelizer
             .record(device, &mut encoder, &input, settings, &mut senders.cloud)
             .expect("surfels");
-        pipelines::bvh_builder(Primitives::Triangles)
+        pipelines::bvh_builder(self.primitives)
             .record(device, &mut encoder, &senders.cloud, &senders.bounds, None)
             .expect("bounds");
         self.gpu.finish(encoder);
@@ -224,6 +232,7 @@ impl Lab {
             payload,
             sampling,
             deferred,
+            counted: false,
             target: wgpu::TextureFormat::Rgba32Float,
         })
     }
@@ -380,6 +389,50 @@ pub fn lamps() -> Vec<Light> {
         }
     }
     lamps
+}
+
+/// A sun, a lamp, one that is off, and a spot, in a scene that was [`moved`].
+pub fn lights(scene: &Scene, scale: f64, shift: DVec3) -> Vec<Light> {
+    let low = scene
+        .positions
+        .iter()
+        .fold(DVec3::INFINITY, |a, p| a.min(DVec3::from(p.map(f64::from))));
+    let high = scene.positions.iter().fold(DVec3::NEG_INFINITY, |a, p| {
+        a.max(DVec3::from(p.map(f64::from)))
+    });
+    let place = |p: DVec3| (low + (high - low) * p) * scale + shift;
+    let bright = (scale * scale) as f32 * (high - low).length_squared() as f32;
+    vec![
+        Light::Directional {
+            direction: DVec3::new(0.3, -1.0, 0.2),
+            irradiance: [1.0, 0.5, 0.25],
+        },
+        Light::Point {
+            position: place(DVec3::new(0.4, 0.8, 0.55)),
+            intensity: [0.1, 1.0, 0.3].map(|c| c * bright),
+        },
+        // None of it, and it takes no room.
+        Light::Point {
+            position: place(DVec3::splat(0.5)),
+            intensity: [0.0; 3],
+        },
+        Light::Spot {
+            position: place(DVec3::new(0.7, 0.9, 0.3)),
+            direction: DVec3::new(-0.4, -1.0, 0.1),
+            intensity: [0.2, 0.1, 2.0].map(|c| c * bright),
+            inner: 0.2,
+            outer: 0.7,
+        },
+    ]
+}
+
+/// A light by another origin.
+pub fn relative(light: &Light, origin: DVec3) -> Light {
+    let mut light = *light;
+    if let Light::Point { position, .. } | Light::Spot { position, .. } = &mut light {
+        *position -= origin;
+    }
+    light
 }
 
 /// How many bits differ.

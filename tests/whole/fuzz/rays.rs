@@ -3,7 +3,8 @@
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedZBuffer, DiskSettings, GBuffer,
     HitLighting, HitRadiance, HitResolver, HitResolverDescriptor, HitResolverInput,
-    HitResolverSettings, Merge, Payload, Placement, Primitives, Sampling,
+    HitResolverSettings, Merge, Payload, Placement, Primitives, RayBudget, RayBudgetInput,
+    RayBudgetSettings, Sampling,
     wgpu::{TextureFormat, TextureUsages},
 };
 
@@ -20,12 +21,19 @@ fn descriptor(case: &mut Case<'_>) -> BouncedDescriptor {
         primitives: Primitives::Triangles,
         sampling,
         statistics: false,
+        counted: false,
     };
     let disks = |payload, levels| BouncedDescriptor {
         primitives: Primitives::Disks { levels },
         ..pieces(payload, Sampling::Cosine)
     };
+    let counted = |payload| BouncedDescriptor {
+        counted: true,
+        ..pieces(payload, Sampling::Cosine)
+    };
     let kinds = [
+        counted(Payload::Occlusion),
+        counted(Payload::LitRadiance),
         pieces(Payload::Occlusion, Sampling::Cosine),
         pieces(Payload::Occlusion, Sampling::Glossy),
         pieces(Payload::Radiance, Sampling::Uniform),
@@ -144,6 +152,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         cloud,
         bvh: &bounds,
         radiance,
+        pixels: case.random.breaks().then_some(&[]),
         timestamps: case.timestamps(),
     };
     let done = tracer.record(device, &mut case.encoder, &input, &settings, &view);
@@ -163,6 +172,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         payload: descriptor.payload,
         sampling: descriptor.sampling,
         deferred: case.usual("deferred", &[true, false]),
+        counted: descriptor.counted,
         target: target_format,
     };
     let reconstructor = case.once(descriptor, |device| HitResolver::new(device, &descriptor))?;
@@ -185,6 +195,37 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         f0: std::array::from_fn(|_| case.random.setting(0.0, 1.0)),
     };
     case.note("hit resolver", filter);
+    if descriptor.counted && case.random.chance(0.7) {
+        let settings_of_budget = RayBudgetSettings {
+            rays_per_pixel: case.random.setting(0.0, 255.0),
+            most: case.random.count(0, 255),
+        };
+        case.note("budget", settings_of_budget);
+        let budget = case.once("ray budget", |device| RayBudget::new(device))?;
+        let list = budget.create_view(device, viewport.width, viewport.height);
+        let list = case.accept(list)?;
+        let hits = (&frame, &view);
+        let done = reconstructor.estimate(device, &mut case.encoder, hits, &filter, &scratch);
+        case.accept(done)?;
+        let noise = RayBudgetInput {
+            timestamps: case.timestamps(),
+            ..RayBudgetInput::new(&frame, &view, &scratch, &filter)
+        };
+        let done = budget.record(
+            device,
+            &mut case.encoder,
+            &noise,
+            &settings_of_budget,
+            &list,
+        );
+        case.accept(done)?;
+        let into = (&view, &list);
+        let done = tracer.record_more(device, &mut case.encoder, &input, &settings, into);
+        case.accept(done)?;
+    }
+    if let Some(counts) = view.counts() {
+        case.buffer("counts", counts, Kind::Bits);
+    }
     let input = HitResolverInput {
         frame: &frame,
         hits: &view,

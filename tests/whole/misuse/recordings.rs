@@ -129,6 +129,7 @@ fn bounds_and_hits_are_those_of_the_cloud() {
         payload: Payload::Occlusion,
         sampling: Sampling::default(),
         deferred: false,
+        counted: false,
         target: Format::R32Float,
     };
     let pass = HitResolver::new(device, &descriptor).expect("pipelines");

@@ -476,6 +476,7 @@ fn draw_hits(lab: &Lab, gbuffer: GBuffer<'_>, sky: f32, target: &wgpu::TextureVi
         payload: Payload::Radiance,
         sampling: Sampling::default(),
         deferred: false,
+        counted: false,
         target: target.texture().format(),
     };
     let pass = HitResolver::new(device, &descriptor).expect("pipelines");

@@ -1,0 +1,69 @@
+//! What the GPU reads: `Params` of `wgsl/ray_budget.wgsl`.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::settings::RayBudgetSettings;
+use crate::{
+    bounced_z_buffer::settings::BouncedSettings,
+    camera::CameraParams,
+    hit_resolver::{
+        params::{falloff, per_hit_distance},
+        settings::HitResolverSettings,
+    },
+    receivers::Frame,
+};
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct RayBudgetParams {
+    pub(crate) camera: CameraParams,
+    pub(crate) plane_distance: f32,
+    pub(crate) normal_power: f32,
+    pub(crate) falloff: f32,
+    pub(crate) per_hit_distance: f32,
+    pub(crate) least_share: f32,
+    pub(crate) sets: f32,
+    pub(crate) most_sets: f32,
+    pub(crate) frame: u32,
+}
+
+crate::reflection::same_as_wgsl!(
+    params_are_the_shaders: RayBudgetParams as "Params" in ["ray_budget"] {
+        camera, plane_distance, normal_power, falloff, per_hit_distance, least_share, sets, most_sets,
+        frame,
+    }
+);
+
+/// Of all weights of a window, the share of a pixel's own where all are alike.
+pub(crate) fn least_share(filter: &HitResolverSettings) -> f32 {
+    ((2 * filter.radius + 1) as f32).powi(-2)
+}
+
+/// Sets per pixel: on average, and of one pixel at most.
+pub(crate) fn sets(settings: &RayBudgetSettings, traced: &BouncedSettings) -> [f32; 2] {
+    let set = traced.rays_per_pixel.max(1);
+    let most = (settings.most / set).saturating_sub(1);
+    [settings.rays_per_pixel / set as f32, most as f32]
+}
+
+impl RayBudgetParams {
+    pub fn new(
+        settings: &RayBudgetSettings,
+        frame: &Frame<'_>,
+        filter: &HitResolverSettings,
+        traced: &BouncedSettings,
+    ) -> Self {
+        let [sets, most_sets] = sets(settings, traced);
+        Self {
+            camera: frame.camera.params(frame.origin),
+            plane_distance: filter.plane_distance,
+            normal_power: filter.normal_power,
+            falloff: falloff(filter),
+            per_hit_distance: per_hit_distance(filter),
+            least_share: least_share(filter),
+            sets,
+            most_sets,
+            frame: traced.frame,
+        }
+    }
+}
