@@ -773,7 +773,7 @@ fn subgroups_give_the_same_sums() {
 fn variants(gpu: &Gpu) -> Vec<bool> {
     let features = gpu.device.features();
     let has_subgroups = features.contains(ShellSplatter::optional_features());
-    [false, true][..1 + usize::from(has_subgroups)].to_vec()
+    [false, true][..=usize::from(has_subgroups)].to_vec()
 }
 
 /// More surfels than a workgroup tests at once, 2048, and more than its threads have groups for, 65536.
