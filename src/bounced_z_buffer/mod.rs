@@ -332,8 +332,8 @@ impl BouncedZBuffer {
     ///
     /// # Errors
     /// As [`BouncedZBuffer::record`]; [`Error::Recording`] where the view was not recorded from this frame and cloud, or the
-    /// budget not for this frame; [`Error::Mismatch`] where the view was recorded with other settings, the budget is of another size, or
-    /// directions are not [`Sampling::Cosine`].
+    /// budget not for this frame; [`Error::Mismatch`] where the view was recorded with other settings, the budget is of another
+    /// size, or directions are not [`Sampling::Cosine`].
     pub fn record_more(
         &self,
         device: &Device,

@@ -9,7 +9,8 @@ pub struct RayBudgetSettings {
     /// that most pixels have none. Default 4.
     pub rays_per_pixel: f32,
     /// The most rays that a pixel has, those that it had before among them, 0…255. As sets are whole, as many as
-    /// [`BouncedSettings::rays_per_pixel`](crate::BouncedSettings::rays_per_pixel) each, it is rounded down to those. Default 128.
+    /// [`BouncedSettings::rays_per_pixel`](crate::BouncedSettings::rays_per_pixel) each, it is rounded down to those. Default
+    /// 128.
     pub most: u32,
 }
 
