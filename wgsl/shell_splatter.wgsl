@@ -11,7 +11,17 @@
 //   build_clusters  one thread per cluster
 //   build_groups    a thread a group
 //   splat           one workgroup per tile of 32x16 pixels of a sub-buffer: 8 units of 8x8, 8 threads a unit, 8 pixels a
-//                   thread. A surfel is loaded once per tile and tested against each unit's bounds.
+//                   thread. The clusters that may affect the tile are listed, then their surfels tested against each
+//                   unit's bounds, up to 2048 at once, then each unit evaluates its own without a barrier. A team of
+//                   lanes loads as many surfels at once and passes them around, where there are subgroups.
+//
+// Drivers that run on a CPU go through the whole of an `if` with lanes masked out, and through a loop's body once more than
+// it is asked to, unless its condition stands at the end: heavy code stands in one loop of the latter kind, not in nested ones.
+
+#if SUBGROUP
+// Lanes of a team branch alike, though teams of a subgroup need not: what a shuffle reads from is always active.
+diagnostic(off, subgroup_uniformity);
+#endif
 
 #import math
 #import packing
@@ -80,12 +90,18 @@ const UNBOUNDED: f32 = 1e18;
 // plane. Walls would else light and shade themselves through the last bit.
 const PLANE_TOLERANCE: f32 = 1e-6;
 
+#if MATERIAL
+fn material_of(number: u32) -> Material {
+  return materials[min(number, arrayLength(&materials) - 1u)];
+}
+#endif
+
 fn sender_of(disk: vec4f, source: SurfelSource) -> Sender {
   var sender: Sender;
   sender.radius = disk.w;
   sender.normal = unpack_normal(source.normal);
 #if MATERIAL
-  sender.material = materials[min(source.material, arrayLength(&materials) - 1u)];
+  sender.material = material_of(source.material);
 #endif
   return sender;
 }
@@ -204,6 +220,11 @@ const PIXELS: u32 = 8u;
 const UNITS: u32 = 8u;
 const THREADS: u32 = 64u;
 const TILE: vec2u = vec2u(32u, 16u);
+// Clusters of a round, and words of bits that tell which of their surfels a unit needs.
+const QUEUE: u32 = 128u;
+const WORDS: u32 = QUEUE * CLUSTER / 32u;
+const NEEDED: u32 = WORDS * UNITS;
+
 
 struct Box {
   low: vec3f,
@@ -212,18 +233,23 @@ struct Box {
 
 var<workgroup> thread_boxes: array<Box, THREADS>;
 var<workgroup> unit_boxes: array<Box, UNITS>;
-// The surfels of a round: centre and radius; normal; squares of the shell's radii.
-var<workgroup> disks: array<vec4f, THREADS>;
-var<workgroup> senders: array<Sender, THREADS>;
-var<workgroup> shells: array<vec2f, THREADS>;
-// Which surfels of a round each unit needs: two words of bits a unit; the rounds take turns with two sets.
-var<workgroup> needed: array<atomic<u32>, 32>;
-// Groups and clusters that passed their test: bits, and their numbers in order. The groups have the first two words;
-// clusters take turns with two sets of two.
-var<workgroup> passed: array<atomic<u32>, 6>;
-var<workgroup> passed_groups: array<u32, THREADS>;
-var<workgroup> passed_clusters: array<u32, THREADS>;
-var<workgroup> passed_count: u32;
+// The groups that passed their test, as bits; and the clusters of those, two words a group.
+var<workgroup> groups_passed: array<atomic<u32>, 2>;
+var<workgroup> clusters_passed: array<atomic<u32>, 128>;
+// The numbers of the clusters of a round, in order, and how many there are in all.
+var<workgroup> queue: array<u32, QUEUE>;
+var<workgroup> queued: u32;
+// Which surfels of a round each unit needs, as bits.
+var<workgroup> needed: array<atomic<u32>, NEEDED>;
+
+// The lowest of 64 bits that is set, and all but that.
+fn lowest(bits: vec2u) -> u32 {
+  return select(firstTrailingBit(bits.x), 32u + firstTrailingBit(bits.y), bits.x == 0u);
+}
+
+fn without_lowest(bits: vec2u) -> vec2u {
+  return select(vec2u(bits.x & (bits.x - 1u), bits.y), vec2u(0u, bits.y & (bits.y - 1u)), bits.x == 0u);
+}
 
 fn empty_box() -> Box {
   return Box(vec3f(MAX_F32), vec3f(-MAX_F32));
@@ -262,19 +288,14 @@ fn may_affect(cluster: Cluster, box: Box) -> bool {
 
 // The same for one surfel.
 fn surfel_may_affect(center: vec3f, normal: vec3f, reach2: f32, box: Box) -> bool {
-  if box.low.x > box.high.x {
-    return false;
-  }
   let gap = max(max(box.low - center, center - box.high), vec3f(0.0));
-  if dot(gap, gap) > reach2 * 1.00001 {
-    return false;
-  }
+  let near = (dot(gap, gap) <= reach2 * 1.00001) & (box.low.x <= box.high.x);
 #if ONE_SIDED
   let farthest = select(box.low, box.high, normal > vec3f(0.0));
   let scale = max_component(max(abs(box.low), abs(box.high))) + max_component(abs(center));
-  return dot(normal, farthest - center) > PLANE_TOLERANCE * scale;
+  return near & (dot(normal, farthest - center) > PLANE_TOLERANCE * scale);
 #else
-  return true;
+  return near;
 #endif
 }
 
@@ -400,9 +421,9 @@ fn pair(disk: vec4f, sender: Sender, radii2: vec2f, pixel: Pixel) -> Sum {
   let to_sender = disk.xyz - pixel.position;
   let distance2 = dot(to_sender, to_sender);
 #if OWN_SURFACE
-  let inside = distance2 >= radii2.x && distance2 < radii2.y && dot(pixel.surface, to_sender) > 0.0;
+  let inside = (distance2 >= radii2.x) & (distance2 < radii2.y) & (dot(pixel.surface, to_sender) > 0.0);
 #else
-  let inside = distance2 >= radii2.x && distance2 < radii2.y;
+  let inside = (distance2 >= radii2.x) & (distance2 < radii2.y);
 #endif
   let value = contribution(sender, pixel.normal, to_sender, distance2);
 #if STATISTICS
@@ -412,44 +433,10 @@ fn pair(disk: vec4f, sender: Sender, radii2: vec2f, pixel: Pixel) -> Sum {
   return select(Sum(0.0), value, inside);
 }
 
-// Whether this thread's bit is set in a pair of words, and how many are set before it.
-fn rank_in(words: vec2u, thread: u32) -> vec2u {
-  let word = select(words.x, words.y, thread >= 32u);
-  let before = countOneBits(word & ((1u << (thread & 31u)) - 1u)) + select(0u, countOneBits(words.x), thread >= 32u);
-  return vec2u((word >> (thread & 31u)) & 1u, before);
-}
-
-// Sets the bits of the units that need the surfel in `slot`.
-fn mark(parity: u32, slot: u32, units: u32, lane: u32) {
-  let base = parity * 16u;
-  let word = slot / 32u;
-#if SUBGROUP
-  for (var unit = 0u; unit < UNITS; unit++) {
-    let ballot = subgroupBallot(((units >> unit) & 1u) != 0u);
-    // Slots of a subgroup are successive and its first lane's is a multiple of its size.
-    if lane == 0u {
-      if ballot.x != 0u {
-        atomicOr(&needed[base + unit * 2u + word], ballot.x << (slot & 31u));
-      }
-      if ballot.y != 0u {
-        atomicOr(&needed[base + unit * 2u + 1u], ballot.y);
-      }
-    }
-  }
-#else
-  var rest = units;
-  while rest != 0u {
-    let unit = firstTrailingBit(rest);
-    rest &= rest - 1u;
-    atomicOr(&needed[base + unit * 2u + word], 1u << (slot & 31u));
-  }
-#endif
-}
-
 @compute @workgroup_size(64)
 fn splat(
   @builtin(workgroup_id) workgroup: vec3u,
-  @builtin(local_invocation_index) thread: u32,
+  @builtin(local_invocation_index) local: u32,
 #if SUBGROUP
   @builtin(subgroup_id) subgroup: u32,
   @builtin(subgroup_size) subgroup_size: u32,
@@ -457,10 +444,13 @@ fn splat(
 #endif
 ) {
 #if SUBGROUP
-  let slot = subgroup * subgroup_size + lane;
+  let thread = subgroup * subgroup_size + lane;
+  // Lanes of a subgroup within a unit, and which of them this is. Units are runs of 8 threads.
+  let team = min(subgroup_size, 8u);
+  let mate = lane & (team - 1u);
+  let team_base = lane - mate;
 #else
-  let slot = thread;
-  let lane = 0u;
+  let thread = local;
 #endif
   let tile_count = params.tiles.x * params.tiles.y;
   let index = linear_workgroup(workgroup);
@@ -480,11 +470,13 @@ fn splat(
   own = merged(own, box_of(q4)); own = merged(own, box_of(q5)); own = merged(own, box_of(q6));
   own = merged(own, box_of(q7));
   thread_boxes[thread] = own;
-  if thread < 32u {
-    atomicStore(&needed[thread], 0u);
+  for (var i = thread; i < NEEDED; i += THREADS) {
+    atomicStore(&needed[i], 0u);
   }
-  if thread < 6u {
-    atomicStore(&passed[thread], 0u);
+  atomicStore(&clusters_passed[thread * 2u], 0u);
+  atomicStore(&clusters_passed[thread * 2u + 1u], 0u);
+  if thread < 2u {
+    atomicStore(&groups_passed[thread], 0u);
   }
   workgroupBarrier();
   if thread < UNITS {
@@ -495,10 +487,9 @@ fn splat(
     unit_boxes[thread] = all_rows;
   }
   workgroupBarrier();
-  var tile_box = unit_boxes[0];
-  for (var u = 1u; u < UNITS; u++) {
-    tile_box = merged(tile_box, unit_boxes[u]);
-  }
+  let b0 = unit_boxes[0]; let b1 = unit_boxes[1]; let b2 = unit_boxes[2]; let b3 = unit_boxes[3];
+  let b4 = unit_boxes[4]; let b5 = unit_boxes[5]; let b6 = unit_boxes[6]; let b7 = unit_boxes[7];
+  let tile_box = merged(merged(merged(b0, b1), merged(b2, b3)), merged(merged(b4, b5), merged(b6, b7)));
 
   var s0 = Sum(0.0); var s1 = Sum(0.0); var s2 = Sum(0.0); var s3 = Sum(0.0);
   var s4 = Sum(0.0); var s5 = Sum(0.0); var s6 = Sum(0.0); var s7 = Sum(0.0);
@@ -511,104 +502,202 @@ fn splat(
   let group_count = divide_up(cluster_count, GROUP);
   let first_cluster = params.first_cluster + sub_buffer * params.clusters;
   let first_group = params.first_group + sub_buffer * params.groups;
-  var parity = 0u;
-  var turn = 2u;
 
-  for (var group_base = 0u; group_base < group_count; group_base += THREADS) {
+  var group_base = 0u;
+  loop {
     if group_base + thread < group_count && may_affect(clusters[first_group + group_base + thread], tile_box) {
-      atomicOr(&passed[thread / 32u], 1u << (thread & 31u));
+      atomicOr(&groups_passed[thread / 32u], 1u << (thread & 31u));
     }
     workgroupBarrier();
-    let group_bits = vec2u(atomicLoad(&passed[0]), atomicLoad(&passed[1]));
-    let group_rank = rank_in(group_bits, thread);
-    if group_rank.x != 0u {
-      passed_groups[group_rank.y] = group_base + thread;
-    }
-    if thread == 0u {
-      passed_count = countOneBits(group_bits.x) + countOneBits(group_bits.y);
-    }
-    let groups = workgroupUniformLoad(&passed_count);
-
-    for (var g = 0u; g < groups; g++) {
-      let cluster_base = passed_groups[g] * GROUP;
-      if cluster_base + thread < cluster_count && may_affect(clusters[first_cluster + cluster_base + thread], tile_box) {
-        atomicOr(&passed[turn + thread / 32u], 1u << (thread & 31u));
+    let group_bits = vec2u(atomicLoad(&groups_passed[0]), atomicLoad(&groups_passed[1]));
+    var rest = group_bits;
+    var nth = 0u;
+    while any(rest != vec2u(0u)) {
+      let group = lowest(rest);
+      rest = without_lowest(rest);
+      let cluster = (group_base + group) * GROUP + thread;
+      if cluster < cluster_count && may_affect(clusters[first_cluster + cluster], tile_box) {
+        atomicOr(&clusters_passed[nth * 2u + thread / 32u], 1u << (thread & 31u));
       }
-      workgroupBarrier();
-      let cluster_bits = vec2u(atomicLoad(&passed[turn]), atomicLoad(&passed[turn + 1u]));
-      // All have read the other set by now, and none writes it before the barriers below.
-      turn = 6u - turn;
-      if thread < 2u {
-        atomicStore(&passed[turn + thread], 0u);
-      }
-      let cluster_rank = rank_in(cluster_bits, thread);
-      if cluster_rank.x != 0u {
-        passed_clusters[cluster_rank.y] = cluster_base + thread;
+      nth++;
+    }
+    workgroupBarrier();
+    var round_base = 0u;
+    loop {
+      // The round's clusters in order; how many there are in all.
+      var before = 0u;
+      nth = 0u;
+      rest = group_bits;
+      while any(rest != vec2u(0u)) {
+        let group = lowest(rest);
+        rest = without_lowest(rest);
+        let low = atomicLoad(&clusters_passed[nth * 2u]);
+        let high = atomicLoad(&clusters_passed[nth * 2u + 1u]);
+        nth++;
+        let word = select(low, high, thread >= 32u);
+        let below = countOneBits(word & ((1u << (thread & 31u)) - 1u)) + select(0u, countOneBits(low), thread >= 32u);
+        let rank = before + below;
+        if (((word >> (thread & 31u)) & 1u) != 0u) & (rank >= round_base) & (rank < round_base + QUEUE) {
+          queue[rank - round_base] = (group_base + group) * GROUP + thread;
+        }
+        before += countOneBits(low) + countOneBits(high);
       }
       if thread == 0u {
-        passed_count = countOneBits(cluster_bits.x) + countOneBits(cluster_bits.y);
+        queued = before;
       }
-      let clusters_here = workgroupUniformLoad(&passed_count);
+      let total = workgroupUniformLoad(&queued);
+      let round_surfels = min(total - round_base, QUEUE) * CLUSTER;
+      // Each thread tests a run of surfels, a power of two, so that a run lies within a word of bits. That is within a
+      // cluster, or two of them.
+      let run = 1u << (32u - countLeadingZeros((max(round_surfels, 1u) - 1u) / THREADS));
+      let first = thread * run;
+      let start = queue[min(first / CLUSTER, QUEUE - 1u)] * CLUSTER + first % CLUSTER;
+      let second_start = queue[min(first / CLUSTER + 1u, QUEUE - 1u)] * CLUSTER;
+      var n0 = 0u; var n1 = 0u; var n2 = 0u; var n3 = 0u; var n4 = 0u; var n5 = 0u; var n6 = 0u; var n7 = 0u;
+      var i = 0u;
+      loop {
+        let rank = select(start + i, second_start + i - CLUSTER, i >= CLUSTER);
+        if (rank < surfel_count) & (first + i < round_surfels) {
+          let at = surfel_dealt(rank, sub_buffer, params.level);
+          let disk = surfels[at];
+          let sender = sender_of(disk, sources[at]);
+          let radii = shell(sender);
+          let reach2 = select(-1.0, radii.y * radii.y, radii.y > radii.x);
+          let bit = 1u << ((first + i) & 31u);
+          n0 |= select(0u, bit, surfel_may_affect(disk.xyz, sender.normal, reach2, b0));
+          n1 |= select(0u, bit, surfel_may_affect(disk.xyz, sender.normal, reach2, b1));
+          n2 |= select(0u, bit, surfel_may_affect(disk.xyz, sender.normal, reach2, b2));
+          n3 |= select(0u, bit, surfel_may_affect(disk.xyz, sender.normal, reach2, b3));
+          n4 |= select(0u, bit, surfel_may_affect(disk.xyz, sender.normal, reach2, b4));
+          n5 |= select(0u, bit, surfel_may_affect(disk.xyz, sender.normal, reach2, b5));
+          n6 |= select(0u, bit, surfel_may_affect(disk.xyz, sender.normal, reach2, b6));
+          n7 |= select(0u, bit, surfel_may_affect(disk.xyz, sender.normal, reach2, b7));
+        }
+        i++;
+        continuing { break if i >= run; }
+      }
+      let mine = first / 32u;
+      if n0 != 0u { atomicOr(&needed[mine], n0); }
+      if n1 != 0u { atomicOr(&needed[WORDS + mine], n1); }
+      if n2 != 0u { atomicOr(&needed[2u * WORDS + mine], n2); }
+      if n3 != 0u { atomicOr(&needed[3u * WORDS + mine], n3); }
+      if n4 != 0u { atomicOr(&needed[4u * WORDS + mine], n4); }
+      if n5 != 0u { atomicOr(&needed[5u * WORDS + mine], n5); }
+      if n6 != 0u { atomicOr(&needed[6u * WORDS + mine], n6); }
+      if n7 != 0u { atomicOr(&needed[7u * WORDS + mine], n7); }
+      workgroupBarrier();
 
-      // Rounds of four clusters: one thread per surfel.
-      for (var c = 0u; c < clusters_here; c += 4u) {
-        let mine = c + slot / CLUSTER;
-        var units = 0u;
-        if mine < clusters_here {
-          let rank = passed_clusters[mine] * CLUSTER + slot % CLUSTER;
-          if rank < surfel_count {
-            let at = surfel_dealt(rank, sub_buffer, params.level);
-            let disk = surfels[at];
-            let sender = sender_of(disk, sources[at]);
-            let radii = shell(sender);
-            if radii.y > radii.x {
-              let radii2 = radii * radii;
-              disks[slot] = disk;
-              senders[slot] = sender;
-              shells[slot] = radii2;
-              for (var u = 0u; u < UNITS; u++) {
-                if surfel_may_affect(disk.xyz, sender.normal, radii2.y, unit_boxes[u]) {
-                  units |= 1u << u;
-                }
-              }
-            }
-          }
+      // What this unit needs of the round, in order.
+      let words = divide_up(round_surfels, 32u);
+      var word = 0u;
+      var bits = 0u;
+      var even = 0u;
+      var odd = 0u;
+      loop {
+        while (bits == 0u) & (word < words) {
+          bits = atomicLoad(&needed[unit * WORDS + word]);
+          even = queue[word * 2u] * CLUSTER;
+          odd = queue[word * 2u + 1u] * CLUSTER - CLUSTER;
+          word++;
         }
-        mark(parity, slot, units, lane);
-        workgroupBarrier();
-        for (var word = 0u; word < 2u; word++) {
-          var rest = atomicLoad(&needed[parity * 16u + unit * 2u + word]);
-          while rest != 0u {
-            let k = word * 32u + firstTrailingBit(rest);
-            rest &= rest - 1u;
-            let disk = disks[k];
-            let sender = senders[k];
-            let radii2 = shells[k];
-            s0 += pair(disk, sender, radii2, q0);
-            s1 += pair(disk, sender, radii2, q1);
-            s2 += pair(disk, sender, radii2, q2);
-            s3 += pair(disk, sender, radii2, q3);
-            s4 += pair(disk, sender, radii2, q4);
-            s5 += pair(disk, sender, radii2, q5);
-            s6 += pair(disk, sender, radii2, q6);
-            s7 += pair(disk, sender, radii2, q7);
-#if STATISTICS
-            evaluated += PIXELS;
+        if bits == 0u {
+          break;
+        }
+#if SUBGROUP
+        // Each of the team loads one of the next: its own bit is the lowest after those of the lanes before it.
+        var own_bits = bits;
+        own_bits = select(own_bits & (own_bits - 1u), own_bits, mate < 1u);
+        own_bits = select(own_bits & (own_bits - 1u), own_bits, mate < 2u);
+        own_bits = select(own_bits & (own_bits - 1u), own_bits, mate < 3u);
+        own_bits = select(own_bits & (own_bits - 1u), own_bits, mate < 4u);
+        own_bits = select(own_bits & (own_bits - 1u), own_bits, mate < 5u);
+        own_bits = select(own_bits & (own_bits - 1u), own_bits, mate < 6u);
+        own_bits = select(own_bits & (own_bits - 1u), own_bits, mate < 7u);
+        let count = min(countOneBits(bits), team);
+        var own_disk = vec4f(0.0);
+        var own_normal = vec3f(0.0);
+        var own_radii2 = vec2f(0.0);
+#if MATERIAL
+        var own_material = 0u;
 #endif
-          }
+        if own_bits != 0u {
+          let k = firstTrailingBit(own_bits);
+          let at = surfel_dealt(select(odd, even, k < CLUSTER) + k, sub_buffer, params.level);
+          own_disk = surfels[at];
+          let own_sender = sender_of(own_disk, sources[at]);
+          own_normal = own_sender.normal;
+          let radii = shell(own_sender);
+          own_radii2 = radii * radii;
+#if MATERIAL
+          own_material = sources[at].material;
+#endif
         }
-        if thread < 16u {
-          atomicStore(&needed[(1u - parity) * 16u + thread], 0u);
+        bits = subgroupShuffle(own_bits, team_base + count - 1u);
+        bits &= bits - 1u;
+        var j = 0u;
+        loop {
+          let giver = team_base + j;
+          let disk = subgroupShuffle(own_disk, giver);
+          var sender: Sender;
+          sender.radius = disk.w;
+          sender.normal = subgroupShuffle(own_normal, giver);
+#if MATERIAL
+          sender.material = material_of(subgroupShuffle(own_material, giver));
+#endif
+          let radii2 = subgroupShuffle(own_radii2, giver);
+          s0 += pair(disk, sender, radii2, q0);
+          s1 += pair(disk, sender, radii2, q1);
+          s2 += pair(disk, sender, radii2, q2);
+          s3 += pair(disk, sender, radii2, q3);
+          s4 += pair(disk, sender, radii2, q4);
+          s5 += pair(disk, sender, radii2, q5);
+          s6 += pair(disk, sender, radii2, q6);
+          s7 += pair(disk, sender, radii2, q7);
+#if STATISTICS
+          evaluated += PIXELS;
+#endif
+          j++;
+          continuing { break if j >= count; }
         }
-        parity = 1u - parity;
-        workgroupBarrier();
+#else
+        loop {
+          let k = firstTrailingBit(bits);
+          bits &= bits - 1u;
+          let at = surfel_dealt(select(odd, even, k < CLUSTER) + k, sub_buffer, params.level);
+          let disk = surfels[at];
+          let sender = sender_of(disk, sources[at]);
+          let radii = shell(sender);
+          let radii2 = radii * radii;
+          s0 += pair(disk, sender, radii2, q0);
+          s1 += pair(disk, sender, radii2, q1);
+          s2 += pair(disk, sender, radii2, q2);
+          s3 += pair(disk, sender, radii2, q3);
+          s4 += pair(disk, sender, radii2, q4);
+          s5 += pair(disk, sender, radii2, q5);
+          s6 += pair(disk, sender, radii2, q6);
+          s7 += pair(disk, sender, radii2, q7);
+#if STATISTICS
+          evaluated += PIXELS;
+#endif
+          continuing { break if bits == 0u; }
+        }
+#endif
       }
+      round_base += QUEUE;
+      workgroupBarrier();
+      for (var n = thread; n < NEEDED; n += THREADS) {
+        atomicStore(&needed[n], 0u);
+      }
+      continuing { break if round_base >= total; }
     }
-    workgroupBarrier();
+    group_base += THREADS;
+    atomicStore(&clusters_passed[thread * 2u], 0u);
+    atomicStore(&clusters_passed[thread * 2u + 1u], 0u);
     if thread < 2u {
-      atomicStore(&passed[thread], 0u);
+      atomicStore(&groups_passed[thread], 0u);
     }
     workgroupBarrier();
+    continuing { break if group_base >= group_count; }
   }
 
   // The surfels of the other sub-buffers lie like this one's: each of its surfels stands for all of theirs.

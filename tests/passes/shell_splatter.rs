@@ -704,36 +704,34 @@ fn an_effect_of_ones_own_reads_materials() {
     };
     let mut options = Options::new(settings);
     options.materials = Some(materials.clone());
-    let run = run(
-        gpu,
-        &shot,
-        &Passes::new(&emission_effect(), false),
-        &options,
-    );
-    let disks = run.disks(Some(&materials));
-    let receivers = run.receivers(gpu);
     let mut brightest = 0.0_f32;
-    for level in 0..3 {
-        let mirror = splat(
-            &Emission,
-            &disks,
-            &receivers,
-            [40, 40],
-            level,
-            &settings,
-            2e-5,
-        );
-        let sums: Vec<[f32; 4]> = gpu.read_texture(run.view.sums().texture(), level);
-        for (i, (sum, expected)) in sums.iter().zip(&mirror).enumerate() {
-            for channel in 0..3 {
-                brightest = brightest.max(sum[channel]);
-                let error = (f64::from(sum[channel]) - expected.value.0[channel]).abs();
-                let explained = TOLERANCE * (1.0 + expected.value.0[channel])
-                    + 1.01 * expected.at_a_bound.0[channel];
-                assert!(
-                    error <= explained,
-                    "level {level}, pixel {i}: {sum:?}, {expected:?}"
-                );
+    for subgroups in variants(gpu) {
+        let passes = Passes::new(&emission_effect(), subgroups);
+        let run = run(gpu, &shot, &passes, &options);
+        let disks = run.disks(Some(&materials));
+        let receivers = run.receivers(gpu);
+        for level in 0..3 {
+            let mirror = splat(
+                &Emission,
+                &disks,
+                &receivers,
+                [40, 40],
+                level,
+                &settings,
+                2e-5,
+            );
+            let sums: Vec<[f32; 4]> = gpu.read_texture(run.view.sums().texture(), level);
+            for (i, (sum, expected)) in sums.iter().zip(&mirror).enumerate() {
+                for channel in 0..3 {
+                    brightest = brightest.max(sum[channel]);
+                    let error = (f64::from(sum[channel]) - expected.value.0[channel]).abs();
+                    let explained = TOLERANCE * (1.0 + expected.value.0[channel])
+                        + 1.01 * expected.at_a_bound.0[channel];
+                    assert!(
+                        error <= explained,
+                        "level {level}, pixel {i}: {sum:?}, {expected:?}"
+                    );
+                }
             }
         }
     }
@@ -769,6 +767,40 @@ fn subgroups_give_the_same_sums() {
     let subgroups = run(gpu, &shot, &Passes::new(&effect, true), &options).total(gpu, 4);
     // The same surfels in the same order: bit for bit.
     assert!(plain == subgroups);
+}
+
+/// Without subgroups, and with them where the device has them.
+fn variants(gpu: &Gpu) -> Vec<bool> {
+    let features = gpu.device.features();
+    let has_subgroups = features.contains(ShellSplatter::optional_features());
+    [false, true][..=usize::from(has_subgroups)].to_vec()
+}
+
+/// More surfels than a workgroup tests at once, 2048, and more than its threads have groups for, 65536.
+#[test]
+fn any_number_of_surfels_about_a_tile() {
+    let gpu = pipelines::gpu();
+    let scene = scenes::by_name("cornell").expect("a scene");
+    let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, [24, 16]));
+    let effect = AmbientOcclusion::default();
+    for subgroups in variants(gpu) {
+        let passes = Passes::new(&effect.effect(), subgroups);
+        for (radius_pixels, least, unbounded) in [(0.15, 4096, true), (0.05, 70_000, false)] {
+            let settings = SplatSettings {
+                unbounded,
+                ..splat_settings(2, 0.002)
+            };
+            let mut options = Options::new(settings);
+            options.surfelizer.radius_pixels = radius_pixels;
+            options.capacity.surfels = 1 << 18;
+            options.capacity.pieces = 1 << 18;
+            let run = run(gpu, &shot, &passes, &options);
+            let name = format!("{} surfels, subgroups: {subgroups}", run.surfels.len());
+            assert_eq!(run.counts.overflow(), 0, "{name}");
+            assert!(run.surfels.len() >= least, "{name}");
+            compare(gpu, &run, effect, &settings, &name);
+        }
+    }
 }
 
 #[test]
