@@ -332,9 +332,9 @@ impl BouncedZBuffer {
     /// drawn between those that there are.
     ///
     /// # Errors
-    /// As [`BouncedZBuffer::record`]; [`Error::Recording`] where the view was not recorded from this frame and cloud, or the
-    /// budget not for this frame; [`Error::Mismatch`] where the view was recorded with other settings, the budget is of another
-    /// size, or directions are not [`Sampling::Cosine`].
+    /// As [`BouncedZBuffer::record`]; [`Error::Recording`] where the view was not recorded from this frame and cloud, or has
+    /// further rays already, or the budget was not recorded for this frame; [`Error::Mismatch`] where the view was recorded with
+    /// other settings, the budget is of another size, or directions are not [`Sampling::Cosine`].
     pub fn record_more(
         &self,
         device: &Device,
@@ -362,6 +362,13 @@ impl BouncedZBuffer {
             });
         }
         budget.check(view)?;
+        if before.more {
+            // The same rays once more would tell nothing.
+            return Err(Error::Recording {
+                name: "BouncedView",
+                found: "recorded with further rays already".into(),
+            });
+        }
         view.recorded.set(Traced {
             more: true,
             ..before

@@ -652,6 +652,13 @@ fn what_does_not_fit_is_refused() {
     );
     choose(&mut encoder, &usual, &room).expect("a budget");
     more(&mut encoder, &settings, &room).expect("further rays");
+    // Those were all that there are.
+    refused(
+        more(&mut encoder, &settings, &room),
+        "Recording",
+        "BouncedView",
+        "already",
+    );
     let found = budget().create_view(device, 0, 4).map(|_| ());
     refused(found, "Setting", "view size", "at least 1x1 pixels");
 
