@@ -63,8 +63,9 @@ fn picture(
 }
 
 /// Pictures of a whole frame are those of the crate's own traversal. Occlusion's hits are any, and how near the one found was
-/// guides the filter; of light the nearest hit counts, and what differs is a ray in a thousand that passes an edge. Half of light's
-/// rays go where noise is, so that one which differs moves those of the pixels about it: the pictures differ by their noise there.
+/// guides the filter; of light the nearest hit counts, and what differs is a ray in a thousand that passes an edge. Half of
+/// light's rays go where noise is, so that one which differs moves those of the pixels about it: the pictures differ by their
+/// noise there.
 #[test]
 fn pictures_are_those_of_the_crates_own_rays() {
     let size = 48;
