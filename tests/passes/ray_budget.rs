@@ -241,6 +241,7 @@ fn further_rays_are_the_mirrors() {
         incoming: &first,
         nearness: &taken.nearness,
         counts: None,
+        joined: None,
     };
     let (means, near) = (mirror.average(), mirror.near());
     let choice = Budget {
