@@ -60,7 +60,7 @@ pub struct HitResolver {
     uniforms: Uniforms,
     average: ComputePipeline,
     near: ComputePipeline,
-    /// Of one frame's means; of those over frames, unless hits are deferred.
+    /// Of one frame's means; of those over frames, where the descriptor has them.
     reconstruct: (Layout, RenderPipeline),
     reconstruct_joined: Option<(Layout, RenderPipeline)>,
 }
@@ -78,6 +78,8 @@ pub struct HitResolverDescriptor {
     pub deferred: bool,
     /// As [`BouncedDescriptor::counted`] of the hits: pixels without rays take what they show from their neighbours.
     pub counted: bool,
+    /// Whether to resolve means over frames too, where [`HitResolverInput::history`] has them; not with `deferred`.
+    pub joined: bool,
     /// Any colour format that can be rendered to; its missing channels are dropped.
     pub target: TextureFormat,
 }
@@ -127,7 +129,7 @@ pub struct HitResolverInput<'a> {
     pub hits: &'a BouncedView,
     /// Means over frames to resolve in place of this frame's, which
     /// [`TemporalAccumulator::join`](crate::TemporalAccumulator::join) brought this frame into. The more frames a pixel's has,
-    /// the narrower is its window. For hits that are not deferred, where all pixels have rays.
+    /// the narrower is its window. For a resolver that is [joined](HitResolverDescriptor::joined), where all pixels have rays.
     pub history: Option<&'a TemporalHistory>,
     /// The caller's texture, of the descriptor's format, usage `RENDER_ATTACHMENT`, covering the camera's viewport.
     /// Only the viewport is written.
@@ -176,6 +178,7 @@ impl BouncedZBuffer {
             sampling,
             deferred,
             counted,
+            joined: false,
             target,
         };
         HitResolver::new(compiler, &descriptor)
@@ -234,7 +237,7 @@ impl HitResolver {
             .create(device);
             Ok((layout, pipeline))
         };
-        let joined = (!descriptor.deferred).then(|| screen(HitStage::Joined));
+        let joined = (descriptor.joined && !descriptor.deferred).then(|| screen(HitStage::Joined));
         Ok(Self {
             descriptor: *descriptor,
             average_layout,
@@ -447,7 +450,7 @@ impl HitResolver {
         let traced = hits.recorded.get("BouncedView")?;
         if history.size() != hits.size()
             || history.channels() != channels
-            || self.descriptor.deferred
+            || self.reconstruct_joined.is_none()
             || traced.listed
         {
             return Err(Error::Mismatch {
@@ -458,7 +461,7 @@ impl HitResolver {
                     history.channels()
                 ),
                 needed: format!(
-                    "{:?} pixels, channels: {channels:?}, of hits that are not deferred and of all pixels",
+                    "{:?} pixels, channels: {channels:?}, HitResolverDescriptor::joined, and rays of all pixels",
                     hits.size()
                 ),
             });
@@ -565,6 +568,7 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
                         sampling,
                         deferred,
                         counted,
+                        joined: false,
                         target: TextureFormat::Rgba16Float,
                     };
                     let is_glossy = sampling == Sampling::Glossy;

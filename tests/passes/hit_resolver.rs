@@ -822,6 +822,7 @@ fn what_does_not_fit_is_a_typed_error() {
             sampling: Sampling::Cosine,
             deferred: false,
             counted: false,
+            joined: false,
             target,
         };
         let made = HitResolver::new(device, &descriptor);

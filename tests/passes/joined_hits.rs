@@ -39,6 +39,7 @@ fn resolver(payload: Payload) -> &'static HitResolver {
         sampling: Sampling::Cosine,
         deferred: false,
         counted: false,
+        joined: true,
         target: FORMAT,
     })
 }

@@ -175,6 +175,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         sampling: descriptor.sampling,
         deferred: case.usual("deferred", &[true, false]),
         counted: descriptor.counted,
+        joined: false,
         target: target_format,
     };
     let reconstructor = case.once(descriptor, |device| HitResolver::new(device, &descriptor))?;
