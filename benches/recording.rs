@@ -341,12 +341,7 @@ fn bounced(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
                 ..BouncedInput::new(&frame, &cloud, &bvh)
             };
             tracer.record(device, encoder, &input, &rays, &hits)?;
-            let input = HitResolverInput {
-                frame: &frame,
-                hits: &hits,
-                target: target.texture().into(),
-                timestamps: None,
-            };
+            let input = HitResolverInput::new(&frame, &hits, target.texture());
             let settings = HitResolverSettings::default();
             resolver.record(device, encoder, &input, &settings, &scratch)
         })?;

@@ -170,6 +170,7 @@ impl<'o> Studio<'o> {
                 sampling,
                 deferred,
                 counted: false,
+                joined: false,
                 target: TextureFormat::Rgba32Float,
             };
             Gatherer::new(&gpu, descriptor, size, MANY, false)

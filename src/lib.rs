@@ -207,7 +207,8 @@ pub use surfelizer::{
     settings::{Reach, SurfelizerSettings},
 };
 pub use temporal_accumulator::{
-    MotionVectors, TemporalAccumulator, TemporalHistory, TemporalInput, settings::TemporalSettings,
+    MotionVectors, TemporalAccumulator, TemporalHistory, TemporalInput, TemporalJoinInput,
+    settings::TemporalSettings,
 };
 pub use texture_slice::TextureSlice;
 pub use volumetric_obscurance::{

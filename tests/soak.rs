@@ -313,6 +313,7 @@ fn memory_stays() {
         sampling: Sampling::Cosine,
         deferred: false,
         counted: false,
+        joined: false,
         target: format,
     };
     let gatherer = HitResolver::new(device, &descriptor).expect("pipelines");

@@ -56,6 +56,9 @@ struct Params {
   damping: f32,
   // Their unit, in pixels.
   spread: f32,
+  // By which power of the number of frames the window narrows, and of how many frames it was chosen.
+  narrowing: f32,
+  per_frames: f32,
 }
 
 override SAMPLING: u32 = 0u;
@@ -79,6 +82,10 @@ override SAMPLING: u32 = 0u;
 #else
 @group(0) @binding(7) var inverse_distances: texture_2d<f32>;
 @group(0) @binding(3) var means: texture_2d<f32>;
+#if JOINED
+// Of the temporal accumulator: the mean over frames, and in the last component how many they are.
+@group(0) @binding(9) var joined: texture_2d<f32>;
+#endif
 #if ALBEDO
 #import albedo
 @group(0) @binding(4) var albedo_texture: texture_2d<f32>;
@@ -328,6 +335,35 @@ alias Value = f32;
 // Neighbours are not taken to be farther away than so many units: what is beyond is seen at too grazing an angle to tell slopes.
 const FARTHEST: f32 = 1000.0;
 
+// A pixel's mean, of this frame or of all, and its variance; negative where there are no rays.
+fn mean_at(at: vec2i) -> vec4f {
+  let own = textureLoad(means, at, 0);
+#if JOINED
+  let over_frames = textureLoad(joined, at, 0);
+#if RADIANCE
+  return vec4f(over_frames.xyz, own.w / max(over_frames.w, 1.0));
+#else
+  return vec4f(over_frames.xxx, own.w / max(over_frames.y, 1.0));
+#endif
+#else
+  return own;
+#endif
+}
+
+// By how much the window about a pixel is narrower than for one frame's rays.
+fn narrowed_at(at: vec2i) -> f32 {
+#if JOINED
+#if RADIANCE
+  let frames = textureLoad(joined, at, 0).w;
+#else
+  let frames = textureLoad(joined, at, 0).y;
+#endif
+  return pow(max(frames * params.per_frames, 1.0), params.narrowing);
+#else
+  return 1.0;
+#endif
+}
+
 fn value_of(color: vec3f) -> Value {
 #if RADIANCE
   return color;
@@ -381,16 +417,18 @@ fn resolved(fragment: vec4f) -> vec4f {
   let position = receiver_position(texel);
   let normal = unpack_normal(texel.w);
   let frame = tangent_frame(normal);
-  let own = textureLoad(means, at, 0);
+  let own = mean_at(at);
   let own_value = value_of(own.xyz);
   let pixel = footprint(params.camera, position - params.camera.eye);
   let per_tolerance = per_tolerance_at(pixel);
-  let per_spread = 1.0 / max(params.spread * pixel, 1e-30);
+  let narrowed = narrowed_at(at);
+  let falloff = params.falloff * narrowed * narrowed;
+  let per_spread = narrowed / max(params.spread * pixel, 1e-30);
   let inverse_distance = textureLoad(inverse_distances, at, 0).x;
 #if GLOSSY
   let lobe = lobe_of(vec2u(at), texel);
 #endif
-  let radius = i32(params.radius);
+  let radius = i32(ceil(f32(params.radius) / narrowed));
   let low = max(at - radius, vec2i(0));
   let high = min(at + radius, size() - 1);
   // Sums of weights, and of these times coordinates in the tangent plane, and times their products. And of values, as off the
@@ -418,8 +456,8 @@ fn resolved(fragment: vec4f) -> vec4f {
         continue;
       }
       if own.w < 0.0 {
-        let near = exp(-dot(vec2f(there - at), vec2f(there - at)) * params.falloff);
-        near_sum += near * value_of(textureLoad(means, there, 0).xyz);
+        let near = exp(-dot(vec2f(there - at), vec2f(there - at)) * falloff);
+        near_sum += near * value_of(mean_at(there).xyz);
         near_weights += near;
       }
 #endif
@@ -429,10 +467,10 @@ fn resolved(fragment: vec4f) -> vec4f {
       if weight == 0.0 && any(there != at) {
         continue;
       }
-      let theirs = textureLoad(means, there, 0);
+      let theirs = mean_at(there);
       let aside = vec2f(there - at);
       let hits_aside = length(d) * max(inverse_distance, textureLoad(inverse_distances, there, 0).x) * params.per_hit_distance;
-      var distance = dot(aside, aside) * params.falloff + hits_aside * hits_aside;
+      var distance = dot(aside, aside) * falloff + hits_aside * hits_aside;
       if params.variance_clamp > 0.0 && own.w >= 0.0 {
         let difference = luminance(theirs.xyz) - luminance(own.xyz);
         let allowed = params.variance_clamp * params.variance_clamp * (theirs.w + own.w) + 1e-30;

@@ -40,6 +40,8 @@ struct Params {
   // The last frame's origin relative to this frame's.
   previous_origin: vec3f,
   padding: u32,
+  // Where the viewport's first pixel is in the picture.
+  picture_corner: vec2u,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -153,7 +155,7 @@ const PLANE_TOLERANCE: f32 = 0.5;
 const CLAIMED_TOLERANCE: f32 = 0.125;
 
 fn current(pixel: vec2i) -> vec3f {
-  let texel = textureLoad(picture, vec2i(params.viewport.xy) + pixel, 0);
+  let texel = textureLoad(picture, vec2i(params.picture_corner) + pixel, 0);
 #if COLOR
   return texel.xyz;
 #else

@@ -314,6 +314,7 @@ impl BouncedRenderer {
             sampling: Sampling::default(),
             deferred: false,
             counted,
+            joined: false,
             target: wgpu::TextureFormat::Rgba32Float,
         };
         let gatherer = Gatherer::new(gpu, descriptor, size, rays_per_pixel, statistics)?;

@@ -308,6 +308,7 @@ impl BouncedZBuffer {
             settings: *settings,
             place: input.frame.place(),
             of: input.scene.last()?,
+            listed: input.pixels.is_some(),
             more: false,
         });
         let bits = match &view.hits {

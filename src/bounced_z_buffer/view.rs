@@ -41,6 +41,8 @@ pub(crate) struct Traced {
     pub place: Place,
     /// The recording of the cloud, or of the hierarchy of two levels.
     pub of: Stamp,
+    /// Whether only listed pixels have rays.
+    pub listed: bool,
     /// Whether further rays followed.
     pub more: bool,
 }

@@ -36,6 +36,7 @@ pub(crate) const FLAGS: &[&str] = &[
     "GLOSSY",
     "HITS",
     "INSTANCES",
+    "JOINED",
     "LIST",
     "LIT",
     "MATERIAL",

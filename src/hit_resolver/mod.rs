@@ -16,7 +16,7 @@ use crate::{
         settings::Sampling,
         view::{BouncedView, Hits},
     },
-    effect::Listing,
+    effect::{Channels, Listing},
     error::Error,
     gpu::compiler::Compiler,
     gpu::listing::name_of,
@@ -30,6 +30,7 @@ use crate::{
     },
     receivers::{Frame, Place, plane, plane_bytes},
     recorded::Last,
+    temporal_accumulator::TemporalHistory,
     texture_slice::{TextureSlice, check_apart},
 };
 
@@ -56,11 +57,12 @@ pub struct HitResolver {
     descriptor: HitResolverDescriptor,
     average_layout: Layout,
     near_layout: Layout,
-    layout: Layout,
     uniforms: Uniforms,
     average: ComputePipeline,
     near: ComputePipeline,
-    reconstruct: RenderPipeline,
+    /// Of one frame's means; of those over frames, where the descriptor has them.
+    reconstruct: (Layout, RenderPipeline),
+    reconstruct_joined: Option<(Layout, RenderPipeline)>,
 }
 
 /// What a [`HitResolver`] is compiled for.
@@ -76,6 +78,8 @@ pub struct HitResolverDescriptor {
     pub deferred: bool,
     /// As [`BouncedDescriptor::counted`] of the hits: pixels without rays take what they show from their neighbours.
     pub counted: bool,
+    /// Whether to resolve means over frames too, where [`HitResolverInput::history`] has them; not with `deferred`.
+    pub joined: bool,
     /// Any colour format that can be rendered to; its missing channels are dropped.
     pub target: TextureFormat,
 }
@@ -123,6 +127,10 @@ pub struct HitResolverInput<'a> {
     pub frame: &'a Frame<'a>,
     /// The hits, traced from this frame since their cloud was recorded. They know their settings.
     pub hits: &'a BouncedView,
+    /// Means over frames to resolve in place of this frame's, which
+    /// [`TemporalAccumulator::join`](crate::TemporalAccumulator::join) brought this frame into. The more frames a pixel's has,
+    /// the narrower is its window. For a resolver that is [joined](HitResolverDescriptor::joined), where all pixels have rays.
+    pub history: Option<&'a TemporalHistory>,
     /// The caller's texture, of the descriptor's format, usage `RENDER_ATTACHMENT`, covering the camera's viewport.
     /// Only the viewport is written.
     pub target: TextureSlice<'a>,
@@ -140,6 +148,7 @@ impl<'a> HitResolverInput<'a> {
         Self {
             frame,
             hits,
+            history: None,
             target: target.into(),
             timestamps: None,
         }
@@ -169,6 +178,7 @@ impl BouncedZBuffer {
             sampling,
             deferred,
             counted,
+            joined: false,
             target,
         };
         HitResolver::new(compiler, &descriptor)
@@ -212,27 +222,31 @@ impl HitResolver {
             cache,
         }
         .create(device);
-        let of = module(HitStage::Reconstruct)?;
-        let layout = of.layout(device, &["reconstruct"]);
-        let reconstruct = Screen {
-            label: LABEL,
-            module: &of,
-            entry: "reconstruct",
-            layout: &layout.raw,
-            constants: &constants,
-            target: descriptor.target,
-            cache,
-        }
-        .create(device);
+        let screen = |stage| -> Result<_, Error> {
+            let of = module(stage)?;
+            let layout = of.layout(device, &["reconstruct"]);
+            let pipeline = Screen {
+                label: LABEL,
+                module: &of,
+                entry: "reconstruct",
+                layout: &layout.raw,
+                constants: &constants,
+                target: descriptor.target,
+                cache,
+            }
+            .create(device);
+            Ok((layout, pipeline))
+        };
+        let joined = (descriptor.joined && !descriptor.deferred).then(|| screen(HitStage::Joined));
         Ok(Self {
             descriptor: *descriptor,
             average_layout,
             near_layout,
-            layout,
             uniforms: Uniforms::new(LABEL),
             average,
             near,
-            reconstruct,
+            reconstruct: screen(HitStage::Reconstruct)?,
+            reconstruct_joined: joined.transpose()?,
         })
     }
 
@@ -314,15 +328,23 @@ impl HitResolver {
         resources.extend(is_deferred.then(|| ("hits", bits_or_colors(input.hits))));
         let albedo = albedo.as_ref().map(view);
         resources.extend(albedo.map(|albedo| ("albedo_texture", albedo)));
-        let reconstruct = if self.descriptor.glossy() || self.descriptor.albedo() {
-            self.layout.group(device, &resources)
+        let (layout, pipeline) = match (input.history, &self.reconstruct_joined) {
+            (Some(history), Some(joined)) => {
+                resources.push(("joined", view(history.means())));
+                (&joined.0, &joined.1)
+            }
+            _ => (&self.reconstruct.0, &self.reconstruct.1),
+        };
+        let is_kept = input.history.is_none();
+        let reconstruct = if self.descriptor.glossy() || self.descriptor.albedo() || !is_kept {
+            layout.group(device, &resources)
         } else {
-            groups.next(&self.layout, &resources)
+            groups.next(layout, &resources)
         };
         screen::draw(
             encoder,
             LABEL,
-            (&self.reconstruct, &reconstruct),
+            (pipeline, &reconstruct),
             &input.target,
             frame.viewport(),
             input.timestamps,
@@ -410,9 +432,41 @@ impl HitResolver {
         let roughness = self.check_hits((frame, hits), scratch)?;
         screen::check_target(TARGET, target, frame.viewport(), self.descriptor.target)?;
         check_apart(TARGET, target, frame.gbuffer.reads())?;
+        if let Some(history) = input.history {
+            self.check_history(hits, history)?;
+        }
         let is_needed = self.descriptor.albedo();
         let albedo = is_needed.then(|| frame.gbuffer.albedo_for("radiance of diffuse receivers"));
         Ok([roughness, albedo.transpose()?])
+    }
+
+    /// That a history is one of these hits.
+    fn check_history(&self, hits: &BouncedView, history: &TemporalHistory) -> Result<(), Error> {
+        let channels = if self.descriptor.payload.is_radiance() {
+            Channels::Three
+        } else {
+            Channels::One
+        };
+        let traced = hits.recorded.get("BouncedView")?;
+        if history.size() != hits.size()
+            || history.channels() != channels
+            || self.reconstruct_joined.is_none()
+            || traced.listed
+        {
+            return Err(Error::Mismatch {
+                name: "HitResolverInput::history",
+                found: format!(
+                    "{:?} pixels, channels: {:?}",
+                    history.size(),
+                    history.channels()
+                ),
+                needed: format!(
+                    "{:?} pixels, channels: {channels:?}, HitResolverDescriptor::joined, and rays of all pixels",
+                    hits.size()
+                ),
+            });
+        }
+        Ok(())
     }
 
     /// The roughness, where it is needed.
@@ -467,6 +521,8 @@ pub(crate) enum HitStage {
     Average,
     Near,
     Reconstruct,
+    /// Of means over frames.
+    Joined,
 }
 
 /// Assembles one of them.
@@ -486,10 +542,11 @@ fn source(descriptor: &HitResolverDescriptor, stage: HitStage) -> Result<String,
         HitStage::Reconstruct if descriptor.deferred => flags.extend(["DEFERRED", "HITS"]),
         HitStage::Near => flags.push("NEAR"),
         HitStage::Reconstruct => {}
+        HitStage::Joined => flags.push("JOINED"),
     }
     flags.extend(counted.then_some(match stage {
         HitStage::Average | HitStage::Near => "RAYS",
-        HitStage::Reconstruct => "COUNTED",
+        HitStage::Reconstruct | HitStage::Joined => "COUNTED",
     }));
     shader::assemble("hit_resolver", SOURCE, &flags, &[])
 }
@@ -504,12 +561,14 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
                     (false, HitStage::Average),
                     (false, HitStage::Reconstruct),
                     (true, HitStage::Reconstruct),
+                    (false, HitStage::Joined),
                 ] {
                     let descriptor = HitResolverDescriptor {
                         payload,
                         sampling,
                         deferred,
                         counted,
+                        joined: false,
                         target: TextureFormat::Rgba16Float,
                     };
                     let is_glossy = sampling == Sampling::Glossy;
@@ -530,6 +589,7 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
                             (stage == HitStage::Average, "average"),
                             (stage == HitStage::Reconstruct, "reconstruct"),
                             (deferred, "deferred"),
+                            (stage == HitStage::Joined, "joined"),
                         ],
                     );
                     all.add(&name, source(&descriptor, stage)?);

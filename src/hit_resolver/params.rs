@@ -27,6 +27,9 @@ pub struct HitResolverParams {
     pub(crate) per_hit_distance: f32,
     pub(crate) damping: f32,
     pub(crate) spread: f32,
+    pub(crate) narrowing: f32,
+    pub(crate) per_frames: f32,
+    pub(crate) padding: [u32; 2],
 }
 
 crate::reflection::same_as_wgsl!(
@@ -35,7 +38,7 @@ crate::reflection::same_as_wgsl!(
         "hit_resolver occlusion glossy average", "hit_resolver radiance glossy average",
     ] {
         camera, columns, rows, frame, words, radius, plane_distance, normal_power, variance_clamp,
-        f0, near_radius, falloff, per_hit_distance, damping, spread,
+        f0, near_radius, falloff, per_hit_distance, damping, spread, narrowing, per_frames,
     }
 );
 
@@ -92,6 +95,9 @@ impl HitResolverParams {
             per_hit_distance: per_hit_distance(settings),
             damping: settings.damping.min(FLAT),
             spread: plane_unit(settings),
+            narrowing: settings.narrowing,
+            per_frames: settings.frames.recip(),
+            padding: [0; 2],
         }
     }
 }

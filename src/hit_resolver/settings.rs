@@ -33,6 +33,13 @@ pub struct HitResolverSettings {
     /// the window. Both means are noisy: a small number of directions needs a larger one here. 0 (default) for no
     /// such test.
     pub variance_clamp: f32,
+    /// By which power of the number of frames the window narrows, 0…1, where means over frames are resolved
+    /// ([`HitResolverInput::history`](crate::HitResolverInput::history)): radius and spread are divided by
+    /// `(n / frames)^narrowing` at a pixel whose history has n frames, once those are more than [`Self::frames`]. Default 0.18,
+    /// which suits occlusion; 0.6 suits light.
+    pub narrowing: f32,
+    /// How many frames radius and spread suit, 1…1000. Default 1.
+    pub frames: f32,
     /// Reflectance of glossy receivers seen straight on, linear RGB, 0…1 (Schlick, *An Inexpensive BRDF Model for
     /// Physically-based Rendering*, 1994); of use with [`Sampling::Glossy`](crate::Sampling::Glossy) and
     /// [`Payload::Radiance`](crate::Payload::Radiance) alone. Default 0.04, that of glass and most plastics; metals have
@@ -53,6 +60,8 @@ impl Default for HitResolverSettings {
             plane_distance: 2.0,
             normal_power: 8.0,
             variance_clamp: 0.0,
+            narrowing: 0.18,
+            frames: 1.0,
             f0: [0.04; 3],
         }
     }
@@ -80,6 +89,9 @@ impl HitResolverSettings {
         let few = rays_per_pixel.clamp(1, 64) as f32;
         let spread = (19.0 * few.powf(-0.6)).min(6.0);
         Self {
+            narrowing: 0.6,
+            // From as many rays on as the widest window suits.
+            frames: ((19.0_f32 / 6.0).powf(1.0 / 0.6) / few).max(1.0),
             radius: (1.8 * spread).round() as u32,
             spread,
             damping: 0.3,
@@ -128,6 +140,18 @@ impl HitResolverSettings {
             "HitResolverSettings::variance_clamp",
             self.variance_clamp,
             "0 to 100",
+        )?;
+        check_setting(
+            (0.0..=1.0).contains(&self.narrowing),
+            "HitResolverSettings::narrowing",
+            self.narrowing,
+            "0 to 1",
+        )?;
+        check_setting(
+            (1.0..=1000.0).contains(&self.frames),
+            "HitResolverSettings::frames",
+            self.frames,
+            "1 to 1000",
         )?;
         for channel in self.f0 {
             check_setting(

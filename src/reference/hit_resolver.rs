@@ -9,6 +9,7 @@ use super::{
     bounced_z_buffer::{NEAREST, PixelRays},
     directions::{Direction, directions, tangent_frame},
     shell_splatter::Receiver,
+    temporal_accumulator::Pixel,
 };
 use crate::{
     BouncedSettings, Camera, HitResolverSettings, Payload, Sampling,
@@ -40,6 +41,8 @@ pub struct HitResolution<'a> {
     pub nearness: &'a [u32],
     /// How many rays each pixel had, where they are counted.
     pub counts: Option<&'a [PixelRays]>,
+    /// Means over frames to resolve in place of the hits' own.
+    pub joined: Option<&'a [Pixel]>,
 }
 
 /// The least sum of neighbours' weights that a plane is fitted to, where the pixel itself has no rays.
@@ -223,13 +226,24 @@ impl HitResolution<'_> {
         let settings = self.settings;
         let Receiver { position, normal } = self.receivers[index(at)]?;
         let frame = tangent_frame(normal);
-        let own = means[index(at)];
+        let mean_at = |i: usize| match self.joined {
+            Some(joined) => Mean {
+                mean: joined[i].mean,
+                variance: means[i].variance / joined[i].frames.max(1.0),
+            },
+            None => means[i],
+        };
+        let narrowed = self.joined.map_or(1.0, |joined| {
+            let frames = joined[index(at)].frames / f64::from(settings.frames);
+            frames.max(1.0).powf(settings.narrowing.into())
+        });
+        let own = mean_at(index(at));
         let pixel = self.side(&Receiver { position, normal });
         let per_tolerance = self.per_tolerance_at(pixel);
-        let per_spread = 1.0 / (f64::from(plane_unit(settings)) * pixel).max(1e-30);
-        let falloff = f64::from(falloff(settings));
+        let per_spread = narrowed / (f64::from(plane_unit(settings)) * pixel).max(1e-30);
+        let falloff = f64::from(falloff(settings)) * narrowed * narrowed;
         let per_hit_distance = f64::from(per_hit_distance(settings));
-        let radius = IVec2::splat(settings.radius as i32);
+        let radius = IVec2::splat((f64::from(settings.radius) / narrowed).ceil() as i32);
         let low = (at - radius).max(IVec2::ZERO);
         let high = (at + radius).min(self.size() - 1);
         let mut weights = 0.0;
@@ -248,7 +262,7 @@ impl HitResolution<'_> {
                 };
                 let d = other.position - position;
                 let mut weight = self.kinship(normal, other.normal, d, per_tolerance);
-                let theirs = means[index(there)];
+                let theirs = mean_at(index(there));
                 let aside = (there - at).as_dvec2();
                 if theirs.variance < 0.0 {
                     continue;

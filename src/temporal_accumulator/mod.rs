@@ -23,8 +23,9 @@ use crate::{
         check_timestamps, first_pass,
         screen::{self, Screen},
         shader, storage,
-        uniforms::Uniforms,
+        uniforms::{Place, Uniforms, Uploaded},
     },
+    hit_resolver::HitResolverView,
     receivers::{Frame, Receivers, plane, plane_bytes},
     texture_slice::{TextureSlice, check_apart, check_slice},
 };
@@ -97,6 +98,10 @@ impl TemporalHistory {
     /// young more.
     pub fn means(&self) -> &TextureView {
         &self.means[self.last]
+    }
+
+    pub(crate) fn channels(&self) -> Channels {
+        self.channels
     }
 
     /// GPU memory that it owns, bytes: 32 per pixel with one channel, 48 with three, and 4 once there were motion vectors.
@@ -186,6 +191,49 @@ impl<'a> TemporalInput<'a> {
             timestamps: None,
         }
     }
+}
+
+/// What one [`TemporalAccumulator::join`] works on.
+#[derive(Clone, Copy, Debug)]
+pub struct TemporalJoinInput<'a> {
+    /// This frame.
+    pub frame: &'a Frame<'a>,
+    /// As [`TemporalInput::previous_camera`].
+    pub previous_camera: &'a Camera,
+    /// As [`TemporalInput::motion`].
+    pub motion: Option<MotionVectors<'a>>,
+    /// What [`HitResolver::estimate`](crate::HitResolver::estimate) found of this frame's hits.
+    pub estimates: &'a HitResolverView,
+    /// Drops the history of all pixels, as a camera's cut needs.
+    pub reset: bool,
+}
+
+impl<'a> TemporalJoinInput<'a> {
+    /// Without motion vectors and reset.
+    pub fn new(
+        frame: &'a Frame<'a>,
+        previous_camera: &'a Camera,
+        estimates: &'a HitResolverView,
+    ) -> Self {
+        Self {
+            frame,
+            previous_camera,
+            motion: None,
+            estimates,
+            reset: false,
+        }
+    }
+}
+
+/// What both recordings bring into a history.
+struct Joined<'a> {
+    frame: &'a Frame<'a>,
+    previous_camera: &'a Camera,
+    motion: Option<MotionVectors<'a>>,
+    picture: &'a TextureView,
+    picture_corner: [u32; 2],
+    reset: bool,
+    timestamps: Option<Timestamps<'a>>,
 }
 
 impl TemporalAccumulator {
@@ -285,23 +333,96 @@ impl TemporalAccumulator {
         settings.validate()?;
         check_timestamps(input.timestamps)?;
         self.check(input, history)?;
-        let frame = input.frame;
-        let viewport = frame.viewport();
-        let params = TemporalParams::new(
-            settings,
-            frame,
-            (input.previous_camera, history.origin.unwrap_or_default()),
-            input.motion.map_or([1.0, 1.0], |motion| motion.scale),
-            input.reset || history.origin.is_none(),
+        let viewport = input.frame.viewport();
+        let picture = input.picture.read();
+        let joined = Joined {
+            frame: input.frame,
+            previous_camera: input.previous_camera,
+            motion: input.motion,
+            picture: &picture,
+            picture_corner: [viewport.x, viewport.y],
+            reset: input.reset,
+            timestamps: input.timestamps,
+        };
+        let (parameters, params) = self.accumulate(device, encoder, &joined, settings, history)?;
+        let (layout, pipeline) = &self.show;
+        let means = &history.means[history.last];
+        let resources = [("params", parameters.at(params)), ("means", view(means))];
+        let group = history.kept[history.last]
+            .groups(device)
+            .next(layout, &resources);
+        screen::draw(
+            encoder,
+            LABEL,
+            (pipeline, &group),
+            &input.target,
+            viewport,
+            input.timestamps,
+            false,
         );
-        let motion = match input.motion {
+        Ok(())
+    }
+
+    /// Records what each pixel's own rays brought into the history, before any filter, for
+    /// [`HitResolverInput::history`](crate::HitResolverInput::history): no window blurs it twice, and the window narrows as
+    /// frames come. For light; occlusion is better filtered first. [`TemporalSettings::clamping`] then sees what single rays
+    /// bring, and is best left at 0.
+    ///
+    /// # Errors
+    /// As [`TemporalAccumulator::record`]; [`Error::Recording`] where the estimates were not recorded from this frame.
+    pub fn join(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        input: &TemporalJoinInput<'_>,
+        settings: &TemporalSettings,
+        history: &mut TemporalHistory,
+    ) -> Result<(), Error> {
+        settings.validate()?;
+        let place = input.estimates.estimated.get("HitResolverView")?;
+        input.frame.check_place("HitResolverView", &place)?;
+        self.check_history(input.frame, input.previous_camera, input.motion, history)?;
+        let joined = Joined {
+            frame: input.frame,
+            previous_camera: input.previous_camera,
+            motion: input.motion,
+            picture: &input.estimates.means,
+            picture_corner: [0; 2],
+            reset: input.reset,
+            timestamps: None,
+        };
+        self.accumulate(device, encoder, &joined, settings, history)?;
+        Ok(())
+    }
+
+    /// This frame into the history, which then is the last one.
+    fn accumulate(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        joined: &Joined<'_>,
+        settings: &TemporalSettings,
+        history: &mut TemporalHistory,
+    ) -> Result<(Uploaded, Place), Error> {
+        let frame = joined.frame;
+        let viewport = frame.viewport();
+        let params = TemporalParams {
+            picture_corner: joined.picture_corner,
+            ..TemporalParams::new(
+                settings,
+                frame,
+                (joined.previous_camera, history.origin.unwrap_or_default()),
+                joined.motion.map_or([1.0, 1.0], |motion| motion.scale),
+                joined.reset || history.origin.is_none(),
+            )
+        };
+        let motion = match joined.motion {
             Some(motion) => Some((motion.texture.read(), history.claims(device)?)),
             None => None,
         };
         let last = &history.means[history.last];
         let next = &history.means[1 - history.last];
         let (parameters, params) = self.uniforms.upload_one(device, encoder, &params);
-        let picture = input.picture.read();
         let claiming = motion.as_ref().map(|(vectors, claims)| {
             encoder.clear_buffer(claims, 0, None);
             let resources = [
@@ -318,14 +439,14 @@ impl TemporalAccumulator {
             ("receivers", view(&frame.receivers.view)),
             ("previous_receivers", view(&history.receivers.view)),
             ("previous_means", view(last)),
-            ("picture", view(&picture)),
+            ("picture", view(joined.picture)),
             ("means", view(next)),
         ];
         if let Some((vectors, claims)) = &motion {
             resources.extend([("motion_vectors", view(vectors)), ("claims", whole(claims))]);
         }
         let accumulating = layout.group(device, &resources);
-        let mut pass = first_pass(encoder, LABEL, input.timestamps);
+        let mut pass = first_pass(encoder, LABEL, joined.timestamps);
         let claiming = claiming.as_ref().map(|group| (&self.claim.1, group));
         for (pipeline, group) in claiming.into_iter().chain([(pipeline, &accumulating)]) {
             pass.set_pipeline(pipeline);
@@ -333,30 +454,15 @@ impl TemporalAccumulator {
             pass.dispatch_workgroups(viewport.width.div_ceil(8), viewport.height.div_ceil(8), 1);
         }
         drop(pass);
-
-        let (layout, pipeline) = &self.show;
-        let resources = [("params", parameters.at(params)), ("means", view(next))];
-        let kept = &history.kept[1 - history.last];
-        let group = kept.groups(device).next(layout, &resources);
-        screen::draw(
-            encoder,
-            LABEL,
-            (pipeline, &group),
-            &input.target,
-            viewport,
-            input.timestamps,
-            false,
-        );
         frame.receivers.copy_to(encoder, &history.receivers);
         history.last = 1 - history.last;
         history.origin = Some(frame.origin - frame.camera.focus());
-        Ok(())
+        Ok((parameters, params))
     }
 
     fn check(&self, input: &TemporalInput<'_>, history: &TemporalHistory) -> Result<(), Error> {
         const TARGET: &str = "TemporalInput::target";
         let viewport = input.frame.viewport();
-        let size = [viewport.width, viewport.height];
         let (components, accepted) = match self.channels {
             Channels::One => (1, "a float, snorm or unorm format"),
             Channels::Three => (
@@ -371,7 +477,25 @@ impl TemporalAccumulator {
             components,
             accepted,
         )?;
-        if let Some(motion) = input.motion {
+        screen::check_target(TARGET, &input.target, viewport, self.target)?;
+        let motion = input.motion.as_ref();
+        let motion = motion.map(|motion| ("MotionVectors::texture", motion.texture, 1));
+        let reads = input.frame.gbuffer.reads().chain(motion);
+        check_apart(TARGET, &input.target, reads)?;
+        self.check_history(input.frame, input.previous_camera, input.motion, history)
+    }
+
+    /// That a history goes on with a frame.
+    fn check_history(
+        &self,
+        frame: &Frame<'_>,
+        previous_camera: &Camera,
+        motion: Option<MotionVectors<'_>>,
+        history: &TemporalHistory,
+    ) -> Result<(), Error> {
+        let viewport = frame.viewport();
+        let size = [viewport.width, viewport.height];
+        if let Some(motion) = motion {
             check_floats(
                 "MotionVectors::texture",
                 &motion.texture,
@@ -388,12 +512,7 @@ impl TemporalAccumulator {
                 )?;
             }
         }
-        screen::check_target(TARGET, &input.target, viewport, self.target)?;
-        let motion = input.motion.as_ref();
-        let motion = motion.map(|motion| ("MotionVectors::texture", motion.texture, 1));
-        let reads = input.frame.gbuffer.reads().chain(motion);
-        check_apart(TARGET, &input.target, reads)?;
-        let previous = input.previous_camera.viewport();
+        let previous = previous_camera.viewport();
         if [previous.width, previous.height] != size {
             return Err(Error::Mismatch {
                 name: "TemporalInput::previous_camera",

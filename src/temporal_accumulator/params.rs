@@ -24,6 +24,8 @@ pub struct TemporalParams {
     pub(crate) forget: u32,
     pub(crate) previous_origin: [f32; 3],
     pub(crate) padding: u32,
+    pub(crate) picture_corner: [u32; 2],
+    pub(crate) padding1: [u32; 2],
 }
 
 crate::reflection::same_as_wgsl!(
@@ -31,7 +33,7 @@ crate::reflection::same_as_wgsl!(
         "temporal_accumulator", "temporal_accumulator show",
     ] {
         previous, project, viewport, motion_scale, max_frames, depth_tolerance, normal_tolerance,
-        clip_deviations, still, forget, previous_origin,
+        clip_deviations, still, forget, previous_origin, picture_corner,
     }
 );
 
@@ -69,6 +71,8 @@ impl TemporalParams {
             forget: u32::from(forget || settings.max_frames == 1),
             previous_origin: (previous_origin - frame.origin).as_vec3().to_array(),
             padding: 0,
+            picture_corner: [viewport.x, viewport.y],
+            padding1: [0; 2],
         }
     }
 }

@@ -229,6 +229,7 @@ impl Stage {
             sampling: Sampling::Glossy,
             deferred: job.deferred,
             counted: false,
+            joined: false,
             target: TextureFormat::Rgba32Float,
         });
         let view = bounced.create_view(device, SIDE, SIDE, job.rays_per_pixel)?;

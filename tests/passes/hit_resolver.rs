@@ -196,6 +196,7 @@ fn reconstruction_is_the_mirrors() {
                         incoming: &incoming,
                         nearness: &nearness,
                         counts: None,
+                        joined: None,
                     };
                     let expected = mirror.reconstruct(&mirror.average(), &mirror.near());
                     let found = lab.reconstruct(reconstructor, &shot, &hits, &settings);
@@ -673,6 +674,7 @@ fn steady_changes_are_kept() {
             incoming: &incoming,
             nearness: &nearness,
             counts: None,
+            joined: None,
         };
         let found = mirror.reconstruct(&mirror.average(), &mirror.near());
         let off = |(i, found): (usize, &Option<DVec3>)| {
@@ -820,6 +822,7 @@ fn what_does_not_fit_is_a_typed_error() {
             sampling: Sampling::Cosine,
             deferred: false,
             counted: false,
+            joined: false,
             target,
         };
         let made = HitResolver::new(device, &descriptor);

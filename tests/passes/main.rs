@@ -8,6 +8,7 @@ mod glossy;
 mod hit_resolver;
 mod hull_surfels;
 mod instanced_bvh;
+mod joined_hits;
 mod lit_hits;
 mod multi_res_mask;
 mod multi_res_reconstructor;

@@ -42,6 +42,7 @@ fn resolver(payload: Payload) -> &'static HitResolver {
         sampling: Sampling::Cosine,
         deferred: false,
         counted: true,
+        joined: false,
         target: wgpu::TextureFormat::Rgba32Float,
     })
 }
@@ -241,6 +242,7 @@ fn further_rays_are_the_mirrors() {
         incoming: &first,
         nearness: &taken.nearness,
         counts: None,
+        joined: None,
     };
     let (means, near) = (mirror.average(), mirror.near());
     let choice = Budget {
@@ -668,6 +670,7 @@ fn what_does_not_fit_is_refused() {
         sampling: Sampling::Cosine,
         deferred: true,
         counted: true,
+        joined: false,
         target: wgpu::TextureFormat::Rgba32Float,
     });
     let target = lab

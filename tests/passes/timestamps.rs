@@ -219,6 +219,7 @@ fn recordings_from_surfels_write_their_times() {
         sampling: Sampling::Cosine,
         deferred: true,
         counted: false,
+        joined: false,
         target: format,
     };
     let reconstructor = pipelines::hit_resolver(&descriptor);

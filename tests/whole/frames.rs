@@ -70,6 +70,7 @@ impl Stage {
                 sampling,
                 deferred: false,
                 counted: false,
+                joined: false,
                 target: TextureFormat::Rgba32Float,
             };
             Gatherer::new(gpu, descriptor, [SIDE; 2], 64, false).expect("room")

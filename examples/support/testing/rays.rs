@@ -233,6 +233,7 @@ impl Lab {
             sampling,
             deferred,
             counted: false,
+            joined: false,
             target: wgpu::TextureFormat::Rgba32Float,
         })
     }

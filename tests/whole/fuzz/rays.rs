@@ -175,6 +175,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         sampling: descriptor.sampling,
         deferred: case.usual("deferred", &[true, false]),
         counted: descriptor.counted,
+        joined: false,
         target: target_format,
     };
     let reconstructor = case.once(descriptor, |device| HitResolver::new(device, &descriptor))?;
@@ -194,6 +195,8 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         plane_distance: case.random.scale(f32::MIN_POSITIVE, f32::MAX),
         normal_power: case.random.scale(8.0, 1000.0),
         variance_clamp: case.random.setting(0.0, 100.0),
+        narrowing: case.random.setting(0.0, 1.0),
+        frames: case.random.setting(1.0, 1000.0),
         f0: std::array::from_fn(|_| case.random.setting(0.0, 1.0)),
     };
     case.note("hit resolver", filter);
@@ -231,6 +234,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let input = HitResolverInput {
         frame: &frame,
         hits: &view,
+        history: None,
         target: target.slice(),
         timestamps: case.timestamps(),
     };

@@ -130,6 +130,7 @@ fn bounds_and_hits_are_those_of_the_cloud() {
         sampling: Sampling::default(),
         deferred: false,
         counted: false,
+        joined: false,
         target: Format::R32Float,
     };
     let pass = HitResolver::new(device, &descriptor).expect("pipelines");

@@ -477,6 +477,7 @@ fn draw_hits(lab: &Lab, gbuffer: GBuffer<'_>, sky: f32, target: &wgpu::TextureVi
         sampling: Sampling::default(),
         deferred: false,
         counted: false,
+        joined: false,
         target: target.texture().format(),
     };
     let pass = HitResolver::new(device, &descriptor).expect("pipelines");
