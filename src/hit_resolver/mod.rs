@@ -17,7 +17,7 @@ use crate::{
         view::{BouncedView, Hits},
     },
     effect::{Channels, Listing},
-    error::Error,
+    error::{Error, check_setting},
     gpu::compiler::Compiler,
     gpu::listing::name_of,
     gpu::{
@@ -189,13 +189,20 @@ impl HitResolver {
     /// Compiles the pipelines.
     ///
     /// # Errors
-    /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats.
+    /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats; [`Error::Setting`] for `joined` with
+    /// `deferred`.
     pub fn new<'a>(
         compiler: impl Into<Compiler<'a>>,
         descriptor: &HitResolverDescriptor,
     ) -> Result<Self, Error> {
         let Compiler { device, cache } = compiler.into();
         screen::check_format(device, "HitResolver target", descriptor.target)?;
+        check_setting(
+            !(descriptor.joined && descriptor.deferred),
+            "HitResolverDescriptor::joined",
+            f64::from(u8::from(descriptor.joined)),
+            "false, with deferred",
+        )?;
         let module = |stage| -> Result<_, Error> {
             Ok(shader::create(device, LABEL, source(descriptor, stage)?))
         };
@@ -237,7 +244,7 @@ impl HitResolver {
             .create(device);
             Ok((layout, pipeline))
         };
-        let joined = (descriptor.joined && !descriptor.deferred).then(|| screen(HitStage::Joined));
+        let joined = descriptor.joined.then(|| screen(HitStage::Joined));
         Ok(Self {
             descriptor: *descriptor,
             average_layout,
@@ -434,6 +441,7 @@ impl HitResolver {
         check_apart(TARGET, target, frame.gbuffer.reads())?;
         if let Some(history) = input.history {
             self.check_history(hits, history)?;
+            history.check_joined(frame)?;
         }
         let is_needed = self.descriptor.albedo();
         let albedo = is_needed.then(|| frame.gbuffer.albedo_for("radiance of diffuse receivers"));

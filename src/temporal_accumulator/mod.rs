@@ -26,7 +26,8 @@ use crate::{
         uniforms::{Place, Uniforms, Uploaded},
     },
     hit_resolver::HitResolverView,
-    receivers::{Frame, Receivers, plane, plane_bytes},
+    receivers::{Frame, Place as FramePlace, Receivers, plane, plane_bytes},
+    recorded::never,
     texture_slice::{TextureSlice, check_apart, check_slice},
 };
 
@@ -82,6 +83,8 @@ pub struct TemporalHistory {
     claims: Option<Buffer>,
     /// The means that were recorded last.
     last: usize,
+    /// Where the frame was seen from whose single rays were joined last; nothing where a picture was.
+    joined: Option<FramePlace>,
     /// By the means that recordings write.
     kept: [Kept; 2],
 }
@@ -98,6 +101,13 @@ impl TemporalHistory {
     /// young more.
     pub fn means(&self) -> &TextureView {
         &self.means[self.last]
+    }
+
+    /// [`Error::Recording`] where not this frame's rays were joined last.
+    pub(crate) fn check_joined(&self, frame: &Frame<'_>) -> Result<(), Error> {
+        const NAME: &str = "HitResolverInput::history";
+        let joined = self.joined.as_ref().ok_or_else(|| never(NAME))?;
+        frame.check_place(NAME, joined)
     }
 
     pub(crate) fn channels(&self) -> Channels {
@@ -309,6 +319,7 @@ impl TemporalAccumulator {
             means: [means()?, means()?],
             receivers: Receivers::copied(device, size)?,
             origin: None,
+            joined: None,
             claims: None,
             last: 0,
             kept: Default::default(),
@@ -345,6 +356,7 @@ impl TemporalAccumulator {
             timestamps: input.timestamps,
         };
         let (parameters, params) = self.accumulate(device, encoder, &joined, settings, history)?;
+        history.joined = None;
         let (layout, pipeline) = &self.show;
         let means = &history.means[history.last];
         let resources = [("params", parameters.at(params)), ("means", view(means))];
@@ -392,6 +404,7 @@ impl TemporalAccumulator {
             timestamps: None,
         };
         self.accumulate(device, encoder, &joined, settings, history)?;
+        history.joined = Some(place);
         Ok(())
     }
 

@@ -337,4 +337,28 @@ fn what_does_not_fit_is_refused() {
         let found = resolver.record(device, &mut encoder, &input, &filter, &scratch);
         refused(found, "Mismatch", "HitResolverInput::history", "One");
     }
+    // One that nothing was joined into would be black.
+    let input = HitResolverInput {
+        history: Some(&history),
+        ..HitResolverInput::new(&frame, &hits, target.texture())
+    };
+    let found = resolver.record(device, &mut encoder, &input, &filter, &scratch);
+    refused(found, "Recording", "HitResolverInput::history", "");
+    let found = HitResolver::new(
+        device,
+        &HitResolverDescriptor {
+            payload: Payload::Occlusion,
+            sampling: Sampling::Cosine,
+            deferred: true,
+            counted: false,
+            joined: true,
+            target: FORMAT,
+        },
+    );
+    refused(
+        found,
+        "Setting",
+        "HitResolverDescriptor::joined",
+        "deferred",
+    );
 }
