@@ -4,7 +4,8 @@
 //! Renders one view of each of the crate's scenes, within the scene's radius and without one: by splatting with the preset
 //! `balanced`, with one setting after the other turned away from it, by the bounced z-buffer likewise, and by what a depth buffer
 //! alone allows, with ever more slices and taps. Errors are against rays traced through the same pixels, with the rays' own noise
-//! taken out. Times are wall clock, one submission per pass, the fastest of a few runs; they count only beside each other, so
+//! taken out. Times are of one submission per pass, the fastest of a few runs: the processor's where the driver is software
+//! (`examples/support/stopwatch.rs`), or else wall clock. They count only beside each other, so
 //! every one is given as a ratio to `balanced` in the same view too. Each row's `work` is the part of the cost that is the same
 //! on every machine: for splatting the surfel-pixel pairs that were evaluated, for the bounced z-buffer the bounds and runs of
 //! triangles that rays were tested against.

@@ -45,7 +45,7 @@ pub struct Variant<S> {
 pub struct Shot {
     /// What the effect is measured in: visibility, 1 = open, or luminance over the picture's mean. Rows from the top.
     pub values: Vec<f32>,
-    /// A name and milliseconds of wall clock per pass.
+    /// A name and milliseconds by `Gpu::stopwatch` per pass.
     pub passes: Vec<(&'static str, f64)>,
     /// What the reader must know of this picture, if anything.
     pub note: Option<&'static str>,
