@@ -29,7 +29,6 @@ mod horizon;
 mod light;
 mod method;
 mod splat;
-mod stage;
 mod table;
 
 use std::{path::Path, process::ExitCode};
@@ -41,9 +40,9 @@ use horizon::Horizon;
 use light::{BouncedLight, Marched};
 use method::{Measurement, Method};
 use splat::Splat;
-use stage::{Effect, Effort, Stage};
 use support::bench;
 use support::gpu::{Ask, Gpu};
+use support::stage::{Effect, Effort, Stage};
 use table::Row;
 
 /// Error against time of ambient occlusion, method by method and a knob at a time.
@@ -109,7 +108,7 @@ fn run(options: &Options) -> Result<(), String> {
     Row::print_header();
     let mut rows = Vec::new();
     for scene in &scenes {
-        let stage = Stage::new(&gpu, &effort, scene)?;
+        let stage = Stage::new(&gpu, &effort, (scene, &scene.views[0]))?;
         let mut splat = Splat::new(&stage)?;
         let mut bounced = Bounced::new(&stage)?;
         let mut horizon = Horizon::new(&stage);

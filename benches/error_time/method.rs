@@ -4,10 +4,8 @@ use std::{collections::HashMap, fmt::Debug};
 
 use serde_json::Value;
 
-use super::{
-    stage::{Effect, Stage, Truth},
-    table::Row,
-};
+use super::table::Row;
+use support::stage::{Effect, Stage, Truth};
 
 /// The knob that each method's line in the comparison of methods turns: all of its settings from cheap to dear together.
 pub const QUALITY: &str = "quality";

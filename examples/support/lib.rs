@@ -20,6 +20,7 @@ pub mod presets;
 pub mod raster;
 pub mod scene;
 pub mod shadow;
+pub mod stage;
 pub mod stopwatch;
 pub mod temporal;
 pub mod testing;

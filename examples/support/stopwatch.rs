@@ -24,8 +24,7 @@ impl Stopwatch {
     pub fn elapsed(&self) -> Duration {
         self.processor
             .and_then(|start| start.try_elapsed().ok())
-            .map(|elapsed| elapsed / cores())
-            .unwrap_or_else(|| self.wall.elapsed())
+            .map_or_else(|| self.wall.elapsed(), |elapsed| elapsed / cores())
     }
 
     /// The same in milliseconds.

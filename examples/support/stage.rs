@@ -1,4 +1,4 @@
-//! A scene's first view: its G-buffer, and the truth about it.
+//! A view of a scene: its G-buffer, and the truth about it.
 
 use std::f64::consts::PI;
 
@@ -9,11 +9,11 @@ use deep_screen_space::{
         gbuffer,
         trace::{Estimate, Receiver, Tracer},
     },
-    scenes::Scene,
+    scenes::{Scene, View},
 };
 use serde::Serialize;
 
-use support::{
+use crate::{
     gpu::Gpu,
     raster::{self, Raster},
     scene::SceneBuffers,
@@ -45,7 +45,7 @@ impl Effect {
     }
 }
 
-/// A scene's first view with its G-buffer and rays.
+/// A view with its G-buffer and rays.
 pub struct Stage<'g> {
     pub gpu: &'g Gpu,
     pub effort: &'g Effort,
@@ -69,8 +69,11 @@ pub struct Truth {
 }
 
 impl<'g> Stage<'g> {
-    pub fn new(gpu: &'g Gpu, effort: &'g Effort, scene: &'g Scene) -> Result<Self, String> {
-        let view = &scene.views[0];
+    pub fn new(
+        gpu: &'g Gpu,
+        effort: &'g Effort,
+        (scene, view): (&'g Scene, &View),
+    ) -> Result<Self, String> {
         let [width, height] = effort.size;
         let aspect = f64::from(width) / f64::from(height);
         let camera = Camera::look_at(
