@@ -7,6 +7,7 @@ pub mod ambient_occlusion;
 pub mod arguments;
 pub mod bench;
 pub mod bounced;
+pub mod calibration;
 pub mod decoding;
 pub mod depth_only;
 pub mod errors;

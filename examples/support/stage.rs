@@ -14,6 +14,7 @@ use deep_screen_space::{
 use serde::Serialize;
 
 use crate::{
+    calibration::Subject,
     gpu::Gpu,
     raster::{self, Raster},
     scene::SceneBuffers,
@@ -110,6 +111,18 @@ impl<'g> Stage<'g> {
             lights,
             tracer,
         })
+    }
+
+    /// What to render.
+    pub fn subject(&self) -> Subject<'_> {
+        Subject {
+            gpu: self.gpu,
+            size: self.effort.size,
+            camera: &self.camera,
+            buffers: &self.buffers,
+            drawn: &self.drawn,
+            lights: &self.lights,
+        }
     }
 
     pub fn truth(&self, radius: f32) -> Result<Truth, String> {
