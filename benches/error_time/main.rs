@@ -37,7 +37,7 @@ use bounced::Bounced;
 use clap::Parser;
 use deep_screen_space::scenes;
 use horizon::Horizon;
-use light::{BouncedLight, Marched};
+use light::{BouncedLight, Marched, SplatLight};
 use method::{Measurement, Method};
 use splat::Splat;
 use stage::{Effect, Effort, Stage};
@@ -129,6 +129,7 @@ fn run(options: &Options) -> Result<(), String> {
         }
         let truth = stage.light_truth();
         let mut bounced = BouncedLight::new(&stage, truth.level)?;
+        let mut splat = SplatLight::new(&stage, truth.level)?;
         let mut marched = Marched::new(&stage, truth.level);
         let mut measurement = Measurement {
             stage: &stage,
@@ -140,6 +141,7 @@ fn run(options: &Options) -> Result<(), String> {
             rows: &mut rows,
         };
         measurement.of(&mut bounced)?;
+        measurement.of(&mut splat)?;
         measurement.of(&mut marched)?;
     }
     report(&rows)
