@@ -149,7 +149,13 @@ pub struct SplatLight {
 }
 
 /// Surfels' radii and thresholds, as the presets have them, carried on to both sides.
-const SURFELS: [[f32; 2]; 5] = [[8.0, 0.16], [4.0, 0.08], [2.0, 0.04], [1.5, 0.02], [1.0, 0.01]];
+const SURFELS: [[f32; 2]; 5] = [
+    [8.0, 0.16],
+    [4.0, 0.08],
+    [2.0, 0.04],
+    [1.5, 0.02],
+    [1.0, 0.01],
+];
 
 impl SplatLight {
     /// `level` is what values are in units of.

@@ -8,9 +8,7 @@ use deep_screen_space::{
     SurfelShaderSettings, Surfelizer, SurfelizerInput, TextureSlice, wgpu,
 };
 
-use super::{
-    decoding::Decoding, gpu::Gpu, presets::Preset, raster::Raster, scene::SceneBuffers,
-};
+use super::{decoding::Decoding, gpu::Gpu, presets::Preset, raster::Raster, scene::SceneBuffers};
 
 /// A name and milliseconds of wall clock.
 type Timed = (&'static str, f64);
@@ -65,10 +63,8 @@ impl Lighting {
         lamps: &Lamps<'_>,
     ) -> Result<[Timed; 2], Error> {
         let device = &gpu.device;
-        let (bvh_ms, done) = gpu.time(|encoder| {
-            self.builder
-                .record(device, encoder, cloud, &self.bvh, None)
-        });
+        let (bvh_ms, done) =
+            gpu.time(|encoder| self.builder.record(device, encoder, cloud, &self.bvh, None));
         done?;
         let lights = lamps.lights.iter().map(|light| ShadedLight {
             light: *light,

@@ -108,10 +108,7 @@ impl Effect {
 
     /// One of one channel and one output, `resolve`, that is given neither materials, radiance nor albedo and contributes
     /// before its surfels' fronts alone.
-    pub fn new(
-        label: impl Into<Cow<'static, str>>,
-        source: impl Into<Cow<'static, str>>,
-    ) -> Self {
+    pub fn new(label: impl Into<Cow<'static, str>>, source: impl Into<Cow<'static, str>>) -> Self {
         Self {
             label: label.into(),
             source: source.into(),

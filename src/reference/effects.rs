@@ -61,12 +61,7 @@ pub trait Effect: Sync {
 }
 
 /// Of a disk, negative where the pixel is behind it.
-fn form_factor(
-    sender: &Sender,
-    receiver_normal: DVec3,
-    to_sender: DVec3,
-    distance2: f64,
-) -> f64 {
+fn form_factor(sender: &Sender, receiver_normal: DVec3, to_sender: DVec3, distance2: f64) -> f64 {
     let receiver_side = receiver_normal.dot(to_sender).max(0.0);
     let facing = -sender.normal.dot(to_sender);
     let ratio = distance2 / sender.radius.max(1e-18);

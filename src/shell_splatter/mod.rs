@@ -516,9 +516,7 @@ impl ShellSplatter {
         }
         let sub_image = input.work.as_ref().map_or(0, |work| work.level);
         let size = level_size([viewport.width, viewport.height], sub_image);
-        if view.size() != size
-            || view.levels < settings.levels
-            || view.planes != self.effect.sums()
+        if view.size() != size || view.levels < settings.levels || view.planes != self.effect.sums()
         {
             return Err(Error::Mismatch {
                 name: "SplatView",

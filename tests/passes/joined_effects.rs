@@ -34,8 +34,20 @@ fn bounce() -> (DiffuseBounce, Effect) {
 /// A quarter are black, to be left out by the light alone.
 fn options(levels: u32) -> Options {
     let of = |i: u32| SurfelRadiance {
-        front: [13, 5, 3].map(|k| if i % 4 == 0 { 0.0 } else { (i * k % 32) as f32 / 16.0 }),
-        back: [7, 11, 9].map(|k| if i % 4 == 0 { 0.0 } else { (i * k % 32) as f32 / 16.0 }),
+        front: [13, 5, 3].map(|k| {
+            if i % 4 == 0 {
+                0.0
+            } else {
+                (i * k % 32) as f32 / 16.0
+            }
+        }),
+        back: [7, 11, 9].map(|k| {
+            if i % 4 == 0 {
+                0.0
+            } else {
+                (i * k % 32) as f32 / 16.0
+            }
+        }),
         ..SurfelRadiance::default()
     };
     let mut options = Options::new(splat_settings(levels, 0.02));
@@ -52,7 +64,9 @@ fn albedo(shot: &Shot) -> Vec<DVec3> {
     let materials = scenes::dominoes().triangle_materials();
     let of = |triangle: usize| DVec3::from(materials[triangle].albedo.map(f64::from));
     let pixels = shot.pixels.iter();
-    pixels.map(|p| p.map_or(DVec3::ZERO, |p| of(p.triangle))).collect()
+    pixels
+        .map(|p| p.map_or(DVec3::ZERO, |p| of(p.triangle)))
+        .collect()
 }
 
 /// All outputs of an effect, of its sums.
@@ -79,7 +93,10 @@ fn pictures(gpu: &Gpu, shot: &Shot, effect: &Effect, run: &Run) -> Vec<Vec<[f32;
         .record(device, &mut encoder, &input, &settings, &scratch)
         .expect("pictures");
     gpu.finish(encoder);
-    targets.iter().map(|t| gpu.read_texture(t.texture(), 0)).collect()
+    targets
+        .iter()
+        .map(|t| gpu.read_texture(t.texture(), 0))
+        .collect()
 }
 
 /// How far apart two pictures are at most, relative to 1 + their values.
@@ -127,11 +144,19 @@ fn joined_effects_are_both() {
     for (i, Both(open, sent)) in totals.into_iter().enumerate() {
         let open = occlusion.visibility(open);
         let sent = bounce.radiance(sent, albedo[i]);
-        let found = [pictures[0][i][0], pictures[1][i][0], pictures[1][i][1], pictures[1][i][2]];
+        let found = [
+            pictures[0][i][0],
+            pictures[1][i][0],
+            pictures[1][i][1],
+            pictures[1][i][2],
+        ];
         for (found, expected) in found.into_iter().zip([open, sent.x, sent.y, sent.z]) {
             // Of the reconstructor's own tests: rounding of plane distances.
             let off = (f64::from(found) - expected).abs();
-            assert!(off < 1e-3 * (1.0 + expected), "pixel {i}: {found}, {expected}");
+            assert!(
+                off < 1e-3 * (1.0 + expected),
+                "pixel {i}: {found}, {expected}"
+            );
         }
     }
 }
@@ -186,7 +211,10 @@ fn all_channels_are_summed_alike() {
         };
         let high = if channels > 4 { "sum[1]" } else { "0.0" };
         let base = AmbientOcclusion::default().effect();
-        let (kept, _) = base.source.split_once("fn own_surface").expect("its third function");
+        let (kept, _) = base
+            .source
+            .split_once("fn own_surface")
+            .expect("its third function");
         let source = format!(
             "{}
 fn contribution(sender: Sender, receiver_normal: vec3f, to_sender: vec3f, distance2: f32) -> Sum {{
@@ -207,12 +235,18 @@ fn high(sum: Sum, albedo: vec3f) -> vec4f {{ return vec4f({high}); }}
         let run = run(gpu, &shot, &Passes::new(&effect, false), &options);
         for level in 0..3 {
             let found = run.channels(gpu, level, channels as usize);
-            assert!(level > 0 || found[0].iter().any(|v| *v > 0.05), "{channels}: all dark");
+            assert!(
+                level > 0 || found[0].iter().any(|v| *v > 0.05),
+                "{channels}: all dark"
+            );
             for (c, sums) in (1_u8..).zip(&found) {
                 for (sum, first) in sums.iter().zip(&found[0]) {
                     let expected = f32::from(c) * first;
                     // Sums of thousands of terms, each with a rounding of its own.
-                    assert!((sum - expected).abs() <= 1e-5 * expected, "{channels}, channel {c}");
+                    assert!(
+                        (sum - expected).abs() <= 1e-5 * expected,
+                        "{channels}, channel {c}"
+                    );
                 }
             }
         }
@@ -223,9 +257,15 @@ fn high(sum: Sum, albedo: vec3f) -> vec4f {{ return vec4f({high}); }}
             let all = [*low, *high].concat();
             for c in 0..channels as usize {
                 let expected = (c + 1) as f32 * all[0];
-                assert!((all[c] - expected).abs() <= 1e-4 * expected.abs(), "{channels}: {all:?}");
+                assert!(
+                    (all[c] - expected).abs() <= 1e-4 * expected.abs(),
+                    "{channels}: {all:?}"
+                );
             }
-            assert!(all[channels as usize..].iter().all(|v| *v == 0.0), "{all:?}");
+            assert!(
+                all[channels as usize..].iter().all(|v| *v == 0.0),
+                "{all:?}"
+            );
         }
     }
 }
@@ -236,7 +276,13 @@ fn bindings(effect: &Effect, name: &str) -> Vec<u32> {
     let module = all.iter().find(|m| m.name == name).expect("a module");
     let numbers = module.source.split("@binding(").skip(1);
     let mut numbers: Vec<u32> = numbers
-        .map(|text| text.split(')').next().unwrap_or_default().parse().expect("a number"))
+        .map(|text| {
+            text.split(')')
+                .next()
+                .unwrap_or_default()
+                .parse()
+                .expect("a number")
+        })
         .collect();
     numbers.sort_unstable();
     numbers
@@ -247,8 +293,14 @@ fn bindings(effect: &Effect, name: &str) -> Vec<u32> {
 fn occlusion_alone_costs_nothing_more() {
     let gpu = pipelines::gpu();
     let effect = AmbientOcclusion::default().effect();
-    assert_eq!(bindings(&effect, "shell_splatter build"), [0, 1, 2, 3, 4, 9]);
-    assert_eq!(bindings(&effect, "shell_splatter splat"), [0, 1, 2, 3, 4, 5, 6]);
+    assert_eq!(
+        bindings(&effect, "shell_splatter build"),
+        [0, 1, 2, 3, 4, 9]
+    );
+    assert_eq!(
+        bindings(&effect, "shell_splatter splat"),
+        [0, 1, 2, 3, 4, 5, 6]
+    );
     assert_eq!(bindings(&effect, "reconstructor smooth"), [0, 1, 2, 3]);
     assert_eq!(bindings(&effect, "reconstructor smoothed"), [0, 1, 2, 3]);
     assert_eq!(bindings(&effect, "reconstructor"), [0, 1, 2]);
@@ -294,15 +346,23 @@ fn other_numbers_of_channels_and_targets_are_refused() {
     let shot = shot(gpu);
     let run = run(gpu, &shot, &Passes::new(&both, false), &options(1));
     let reconstructor = pipelines::reconstructor(&both, Format::R32Float);
-    let scratch = reconstructor.create_view(device, &run.view).expect("a view");
+    let scratch = reconstructor
+        .create_view(device, &run.view)
+        .expect("a view");
     let mut encoder = gpu.encoder();
     let mut decoded = Decoded::of(&shot.camera);
     let frame = decoded.frame(&mut encoder, shot.gbuffer(), &shot.camera, run.origin);
     let [one, other] = [(); 2].map(|()| {
-        texture(gpu, Format::R32Float, run.view.size(), TextureUsages::RENDER_ATTACHMENT)
+        texture(
+            gpu,
+            Format::R32Float,
+            run.view.size(),
+            TextureUsages::RENDER_ATTACHMENT,
+        )
     });
     let mut record = |further: &[&_]| {
-        let further: Vec<TextureSlice<'_>> = further.iter().map(|&t| TextureSlice::new(t)).collect();
+        let further: Vec<TextureSlice<'_>> =
+            further.iter().map(|&t| TextureSlice::new(t)).collect();
         let input = ReconstructorInput {
             further: &further,
             ..ReconstructorInput::new(&frame, &run.view, &one)
@@ -311,7 +371,17 @@ fn other_numbers_of_channels_and_targets_are_refused() {
         reconstructor.record(device, &mut encoder, &input, &settings, &scratch)
     };
     refused(record(&[]), "Mismatch", "ReconstructorInput", "needed is 2");
-    refused(record(&[&other, &other]), "Mismatch", "ReconstructorInput", "needed is 2");
-    refused(record(&[&one]), "Mismatch", "ReconstructorInput::target", "of its own");
+    refused(
+        record(&[&other, &other]),
+        "Mismatch",
+        "ReconstructorInput",
+        "needed is 2",
+    );
+    refused(
+        record(&[&one]),
+        "Mismatch",
+        "ReconstructorInput::target",
+        "of its own",
+    );
     assert_eq!(record(&[&other]), Ok::<(), Error>(()));
 }

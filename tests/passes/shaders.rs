@@ -36,7 +36,9 @@ fn resolve(sum: vec3f, albedo: vec3f) -> vec4f {
 fn all_channels() -> Effect {
     let bounce = DiffuseBounce::default().effect().expect("a unit");
     let occlusion = AmbientOcclusion::default().effect();
-    let joined = everything().and(&bounce).and_then(|both| both.and(&occlusion));
+    let joined = everything()
+        .and(&bounce)
+        .and_then(|both| both.and(&occlusion));
     let joined = joined.and_then(|all| all.and(&occlusion));
     joined.expect("eight channels")
 }

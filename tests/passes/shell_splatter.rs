@@ -15,8 +15,8 @@ use deep_screen_space::{
 };
 use support::testing::frames::Decoded;
 use support::testing::pipelines;
-use support::testing::splats::{Options, Passes, Run, run, splat_settings};
 use support::testing::shot::{Shot, camera_of};
+use support::testing::splats::{Options, Passes, Run, run, splat_settings};
 use support::{gpu::Gpu, raster::perspective, scene::SceneBuffers};
 
 /// Largest error of a sum, relative to 1 where sums are small: f32 rounding of positions (1e-7 of the distance from

@@ -2,9 +2,9 @@
 
 use crate::testing::{frames::Decoded, pipelines};
 use deep_screen_space::{
-    Camera, CloudCapacity, ClusterInput, Effect, Error, GBuffer, Geometry, Mesh,
-    PositionFormat, ShellSplatter, SplatInput, SplatSettings, SplatView, SurfelCloud,
-    SurfelClusters, Surfelizer, SurfelizerInput, SurfelizerSettings, Vertices,
+    Camera, CloudCapacity, ClusterInput, Effect, Error, GBuffer, Geometry, Mesh, PositionFormat,
+    ShellSplatter, SplatInput, SplatSettings, SplatView, SurfelCloud, SurfelClusters, Surfelizer,
+    SurfelizerInput, SurfelizerSettings, Vertices,
     glam::DVec3,
     reference::{packing::unpack_normal, shell_splatter::Receiver},
     wgpu::{self, BufferUsages},

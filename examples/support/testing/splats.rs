@@ -271,7 +271,10 @@ impl Run {
                 beyond += usize::from(worst > 1.0);
             }
         }
-        println!("{name}: {beyond} of {} pixels beyond {TOLERANCE}", receivers.len());
+        println!(
+            "{name}: {beyond} of {} pixels beyond {TOLERANCE}",
+            receivers.len()
+        );
         assert!(
             beyond as f64 <= EXCEPTIONS * receivers.len() as f64,
             "{name}: {beyond} pixels are off by more than {TOLERANCE}"
