@@ -6,11 +6,9 @@ use deep_screen_space::{
 };
 use serde_json::{Value, json};
 
-use super::{
-    method::{Method, QUALITY, Shot, Variant},
-    stage::{Stage, luminance},
-};
+use super::method::{Method, QUALITY, Shot, Variant};
 use support::depth_only::{DepthOnly, Frame, IndirectSettings};
+use support::stage::{Stage, luminance};
 use support::{
     ambient_occlusion::Renderer,
     bounced::{BouncedRenderer, RayRoom},

@@ -10,7 +10,7 @@ use deep_screen_space::{
 
 use super::{decoding::Decoding, gpu::Gpu, presets::Preset, raster::Raster, scene::SceneBuffers};
 
-/// A name and milliseconds of wall clock.
+/// A name and milliseconds by `Gpu::stopwatch`.
 type Timed = (&'static str, f64);
 
 /// What effects need that read what surfels send.
@@ -49,7 +49,7 @@ pub struct Rendered {
     pub visibility: Vec<f32>,
     /// One an output, of effects that read light; none of others.
     pub pictures: Vec<Vec<[f32; 4]>>,
-    /// A name and milliseconds of wall clock per pass.
+    /// A name and milliseconds by `Gpu::stopwatch` per pass.
     pub passes: Vec<Timed>,
     pub counts: SurfelCounts,
 }
