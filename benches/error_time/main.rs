@@ -55,6 +55,9 @@ struct Options {
     /// One of the crate's scenes in place of all.
     #[arg(long)]
     scene: Option<String>,
+    /// One bounce of light alone, without occlusion and without files.
+    #[arg(long)]
+    light: bool,
     /// All combinations of surfel radius, epsilon and levels too, and which of them no other beats. Takes long.
     #[arg(long)]
     grid: bool,
@@ -109,23 +112,8 @@ fn run(options: &Options) -> Result<(), String> {
     let mut rows = Vec::new();
     for scene in &scenes {
         let stage = Stage::new(&gpu, &effort, (scene, &scene.views[0]))?;
-        let mut splat = Splat::new(&stage)?;
-        let mut bounced = Bounced::new(&stage)?;
-        let mut horizon = Horizon::new(&stage);
-        for radius in [scene.ao_radius, f32::INFINITY] {
-            let mut measurement = Measurement {
-                stage: &stage,
-                effect: Effect::Ao,
-                radius,
-                truth: stage.truth(radius)?,
-                grid: options.grid,
-                unit_ms: None,
-                rows: &mut rows,
-            };
-            // All times are relative to the first.
-            measurement.of(&mut splat)?;
-            measurement.of(&mut bounced)?;
-            measurement.of(&mut horizon)?;
+        if !options.light {
+            occlusion(&stage, options, &mut rows)?;
         }
         let truth = stage.light_truth();
         let mut bounced = BouncedLight::new(&stage, truth.level)?;
@@ -144,7 +132,33 @@ fn run(options: &Options) -> Result<(), String> {
         measurement.of(&mut splat)?;
         measurement.of(&mut marched)?;
     }
+    if options.light {
+        return Ok(());
+    }
     report(&rows)
+}
+
+/// Of a view, within the scene's radius and without one.
+fn occlusion(stage: &Stage<'_>, options: &Options, rows: &mut Vec<Row>) -> Result<(), String> {
+    let mut splat = Splat::new(stage)?;
+    let mut bounced = Bounced::new(stage)?;
+    let mut horizon = Horizon::new(stage);
+    for radius in [stage.scene.ao_radius, f32::INFINITY] {
+        let mut measurement = Measurement {
+            stage,
+            effect: Effect::Ao,
+            radius,
+            truth: stage.truth(radius)?,
+            grid: options.grid,
+            unit_ms: None,
+            rows,
+        };
+        // All times are relative to the first.
+        measurement.of(&mut splat)?;
+        measurement.of(&mut bounced)?;
+        measurement.of(&mut horizon)?;
+    }
+    Ok(())
 }
 
 /// Writes the files, and prints what no other setting beats.

@@ -9,9 +9,9 @@ use crate::{
 };
 
 impl Effect {
-    /// This effect and another in one splat: their surfels are culled, loaded and looped over once. Outputs are this one's, then
-    /// the other's, each as it is of the effect alone but for what levels leave of noise: a surfel is on the level that the effect
-    /// asks for that reaches farther.
+    /// This effect and another in one splat: their surfels are culled, loaded and looped over once. Outputs are this one's,
+    /// then the other's, each as it is of the effect alone but for what levels leave of noise: a surfel is on the level that the
+    /// effect asks for that reaches farther.
     ///
     /// The other's names do not collide with this one's, so that an effect may be joined with itself under other settings, and
     /// joined ones with more. Where one of the two leaves out surfels below a pixel's own surface

@@ -9,9 +9,10 @@ use crate::{
 /// from all surfaces, seen or not. What a surfel sends comes from the [`SurfelShader`](crate::SurfelShader) or the caller
 /// ([`SplatInput::radiance`](crate::SplatInput::radiance)).
 ///
-/// Nothing is between a surfel and a pixel: what is hidden lights what it cannot see. In rooms, where little is hidden, the picture
-/// is near the truth; where things hide each other, as dominoes in a row do, it is too bright. Rays know what hides what ([`RayTracedEffect::IndirectDiffuse`](crate::RayTracedEffect::IndirectDiffuse)); this one
-/// goes into one splat with other effects ([`Effect::and`]).
+/// Nothing is between a surfel and a pixel: what is hidden lights what it cannot see. In rooms, where little is hidden, the
+/// picture is near the truth; where things hide each other, as dominoes in a row do, it is too bright. Rays know what hides what
+/// ([`RayTracedEffect::IndirectDiffuse`](crate::RayTracedEffect::IndirectDiffuse)); this one goes into one splat with other
+/// effects ([`Effect::and`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DiffuseBounce {
     /// Whether surfaces also light what is behind their backs, with what their backs send. Closed bodies need their front

@@ -207,31 +207,39 @@ fn against_rays(scene: &Scene, lights: &[Light]) -> [f64; 2] {
     [f64::sqrt(square / count) / (mean / count), bias / mean]
 }
 
-/// In rooms, where little hides the light, the root mean square error is a third of the mean at most. Among thin and crowded things
-/// it is more, and the picture is too bright.
+/// In rooms, where little hides the light, the root mean square error is well below the mean, more so on larger pictures: a third
+/// of it at 256 x 160. Where things hide each other it is more, and the picture is too bright.
 #[test]
 fn open_scenes_are_near_the_truth() {
     let sun = Light::Directional {
         direction: DVec3::new(0.45, -0.8, -0.4),
         irradiance: [3.2, 3.1, 2.9],
     };
+    let mut far = Vec::new();
     for (scene, lights, most, brightness) in [
-        (scenes::colonnade(), &[sun][..], 0.35, -0.1..0.2),
-        (scenes::closed_room(), &[], 0.35, -0.1..0.1),
+        (scenes::colonnade(), &[sun][..], 0.45, -0.1..0.2),
+        (scenes::closed_room(), &[], 0.45, -0.15..0.1),
         (scenes::dominoes(), &[sun], 2.0, 0.2..0.8),
     ] {
         let [error, bias] = against_rays(&scene, lights);
-        println!("{}: {error:.3} of the mean, bias {bias:+.3}", scene.name);
-        assert!(error < most, "{}: {error}", scene.name);
-        assert!(brightness.contains(&bias), "{}: bias {bias}", scene.name);
+        let name = scene.name;
+        println!("{name}: {error:.3} of the mean, bias {bias:+.3}");
+        let near = error < most && brightness.contains(&bias);
+        if !near {
+            far.push(format!("{name}: {error} of the mean, bias {bias}"));
+        }
     }
+    assert!(far.is_empty(), "{far:?}");
 }
 
 #[test]
 fn bad_input_is_a_typed_error() {
     let gpu = pipelines::gpu();
     for unit in [0.0, -1.0, f32::NAN, f32::INFINITY] {
-        let bounce = DiffuseBounce { unit };
+        let bounce = DiffuseBounce {
+            unit,
+            ..DiffuseBounce::default()
+        };
         let error = bounce.effect().expect_err("a unit that is none");
         assert!(
             matches!(
