@@ -48,6 +48,8 @@ use table::Row;
 /// Error against time of ambient occlusion, method by method and a knob at a time.
 #[derive(Parser)]
 #[command(about)]
+// Switches of a command line.
+#[allow(clippy::struct_excessive_bools)]
 struct Options {
     /// Two scenes, small pictures, fewer rays and one run per setting: to see that it works.
     #[arg(long)]

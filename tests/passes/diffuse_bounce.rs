@@ -1,16 +1,17 @@
 //! A bounce of diffuse light by splatting: the GPU against the f64 mirror, and the picture against traced rays.
 
 use deep_screen_space::{
-    CloudCapacity, ClusterInput, DiffuseBounce, Error, Geometry, Light, ShellSplatter,
+    Camera, CloudCapacity, ClusterInput, DiffuseBounce, Error, Geometry, ShellSplatter,
     ShellSplatterDescriptor, SplatSettings, SurfelRadiance, SurfelizerInput, SurfelizerSettings,
+    Viewport,
     glam::DVec3,
-    scenes::{self, Scene},
+    scenes::{self, Material, Part, Scene},
     wgpu::BufferUsages,
 };
 use support::{
     ambient_occlusion::Renderer,
     presets,
-    raster::Raster,
+    raster::{Raster, perspective},
     testing::{
         pipelines,
         shot::{Shot, camera_of},
@@ -159,30 +160,74 @@ fn extremes_are_finite() {
     }
 }
 
-/// How far off the truth a picture of a scene is, and how much too bright, in units of its mean, with the preset `balanced`. What
-/// the truth's rays are off by is taken out.
-fn against_rays(scene: &Scene, lights: &[Light]) -> [f64; 2] {
+/// A floor, and a wall across it that glows: nothing hides behind anything else, so that sums are right.
+fn floor_and_wall() -> Scene {
+    let quad = |[a, b, c, d]: [[f32; 3]; 4]| [a, b, c, a, c, d];
+    let floor = [
+        [-2.0, 0.0, 2.0],
+        [2.0, 0.0, 2.0],
+        [2.0, 0.0, -2.0],
+        [-2.0, 0.0, -2.0],
+    ];
+    let wall = [
+        [-1.5, 0.0, 0.0],
+        [1.5, 0.0, 0.0],
+        [1.5, 1.5, 0.0],
+        [-1.5, 1.5, 0.0],
+    ];
+    let of = |emission, albedo| Material {
+        albedo,
+        emission,
+        double_sided: false,
+    };
+    let part = |material: u32| Part {
+        first_index: 6 * material,
+        index_count: 6,
+        material,
+    };
+    Scene {
+        name: "floor and wall",
+        positions: [quad(floor), quad(wall)].concat(),
+        normals: [[[0.0, 1.0, 0.0]; 6], [[0.0, 0.0, 1.0]; 6]].concat(),
+        indices: (0..12).collect(),
+        parts: vec![part(0), part(1)],
+        materials: vec![of([0.0; 3], [0.7, 0.6, 0.5]), of([6.0, 4.0, 2.0], [0.5; 3])],
+        ..scenes::cornell()
+    }
+}
+
+/// Where nothing is hidden the picture is the truth, but for what surfels as large as two pixels are off by next to the wall.
+#[test]
+fn what_nothing_hides_is_the_truth() {
     let gpu = pipelines::gpu();
-    let size = [60, 40];
-    let shot = Shot::new(gpu, scene, &camera_of(scene, 0, size));
+    let scene = floor_and_wall();
+    let size = [48, 32];
+    let camera = Camera::look_at(
+        DVec3::new(0.7, 1.3, 3.0),
+        DVec3::new(0.0, 0.5, 0.0),
+        DVec3::Y,
+        perspective(60.0, 1.5, 0.1),
+        Viewport::full(size[0], size[1]),
+    )
+    .expect("a camera");
+    let shot = Shot::new(gpu, &scene, &camera);
     // The truth is of the very same pixels.
     let seen = Raster {
         depth: shot.depth.clone(),
         normal: shot.normal.clone(),
         albedo: shot.albedo.clone(),
     };
-    let triangles = shot.buffers.triangles();
     let capacity = CloudCapacity {
-        surfels: 1 << 18,
-        pieces: triangles + 20_000,
-        triangles,
+        surfels: 1 << 15,
+        pieces: 1 << 14,
+        triangles: 4,
     };
     let preset = presets::preset("balanced", f32::INFINITY).expect("a preset");
     let effect = DiffuseBounce::default().effect().expect("a unit");
     let renderer = Renderer::of(gpu, &effect, capacity, size, preset.splat.levels, false);
     let mut renderer = renderer.expect("within limits");
     let rendered = renderer
-        .render_lit(gpu, &seen, &shot.buffers, &shot.camera, lights, &preset)
+        .render_lit(gpu, &seen, &shot.buffers, &camera, &[], &preset)
         .expect("valid settings");
     assert_eq!(rendered.counts.overflow(), 0);
 
@@ -190,7 +235,7 @@ fn against_rays(scene: &Scene, lights: &[Light]) -> [f64; 2] {
     let receivers: Vec<_> = shot.pixels.iter().map(|p| p.map(|p| p.receiver)).collect();
     let truth = shot
         .tracer
-        .one_bounce_image(&receivers, &materials, lights, 64, 1, false);
+        .one_bounce_image(&receivers, &materials, &[], 64, 1, false);
     let (mut square, mut mean, mut bias, mut count) = (0.0, 0.0, 0.0, 0.0);
     for ((found, truth), pixel) in rendered.pictures[0].iter().zip(&truth).zip(&shot.pixels) {
         let (Some(truth), Some(pixel)) = (truth, pixel) else {
@@ -204,32 +249,12 @@ fn against_rays(scene: &Scene, lights: &[Light]) -> [f64; 2] {
         mean += (truth.mean * albedo).element_sum();
         count += 3.0;
     }
-    [f64::sqrt(square / count) / (mean / count), bias / mean]
-}
-
-/// In rooms, where little hides the light, the root mean square error is well below the mean, more so on larger pictures: a third
-/// of it at 256 x 160. Where things hide each other it is more, and the picture is too bright.
-#[test]
-fn open_scenes_are_near_the_truth() {
-    let sun = Light::Directional {
-        direction: DVec3::new(0.45, -0.8, -0.4),
-        irradiance: [3.2, 3.1, 2.9],
-    };
-    let mut far = Vec::new();
-    for (scene, lights, most, brightness) in [
-        (scenes::colonnade(), &[sun][..], 0.45, -0.1..0.2),
-        (scenes::closed_room(), &[], 0.45, -0.15..0.1),
-        (scenes::dominoes(), &[sun], 2.0, 0.2..0.8),
-    ] {
-        let [error, bias] = against_rays(&scene, lights);
-        let name = scene.name;
-        println!("{name}: {error:.3} of the mean, bias {bias:+.3}");
-        let near = error < most && brightness.contains(&bias);
-        if !near {
-            far.push(format!("{name}: {error} of the mean, bias {bias}"));
-        }
-    }
-    assert!(far.is_empty(), "{far:?}");
+    let [error, bias] = [f64::sqrt(square / count) / (mean / count), bias / mean];
+    println!("{error:.3} of the mean, bias {bias:+.3}");
+    assert!(
+        error < 0.15 && bias.abs() < 0.05,
+        "{error} of the mean, bias {bias}"
+    );
 }
 
 #[test]
