@@ -7,10 +7,12 @@
 //!
 //! The loop is f32, multi-threaded and vectorised by the compiler over the 64 pixels of a unit. It is handed the surfels
 //! of each unit, binned beforehand: its time has no culling in it, that of the splat has.
+//!
+//! `-- --joined` prints instead what two effects in one splat cost, beside each of them alone.
 
 use clap::Parser;
 use deep_screen_space::{
-    AmbientOcclusion, Camera, CloudCapacity, SplatSettings,
+    AmbientOcclusion, Camera, CloudCapacity, DiffuseBounce, Error, Light, SplatSettings,
     glam::{DVec3, Vec3},
     reference::{packing::unpack_normal, shell_splatter::pixel_of},
     scenes,
@@ -51,6 +53,8 @@ struct Unit {
 /// Time of each pass, and pairs of surfels and pixels per second, beside the same work in a Rust loop.
 #[derive(Parser)]
 #[command(about)]
+// Switches of a command line.
+#[allow(clippy::struct_excessive_bools)]
 struct Options {
     /// Two scenes, and small pictures.
     #[arg(long)]
@@ -58,15 +62,30 @@ struct Options {
     /// The portable floor, which has no subgroups, in place of all that the adapter offers.
     #[arg(long)]
     floor: bool,
+    /// What ambient occlusion and a bounce of diffuse light cost in one splat, beside each alone.
+    #[arg(long)]
+    joined: bool,
     /// What cargo adds; without a meaning here.
     #[arg(long, hide = true)]
     bench: bool,
 }
 
 fn main() {
-    let Options { quick, floor, .. } = Options::parse();
+    let Options {
+        quick,
+        floor,
+        joined,
+        ..
+    } = Options::parse();
     let gpu = Gpu::open(if floor { Ask::Floor } else { Ask::All }).expect("a graphics adapter");
     println!("{}", gpu.name());
+    let size = if quick { [256, 256] } else { [512, 512] };
+    if joined {
+        let names = ["cornell", "dominoes"];
+        let rows = names.map(|name| two_in_one(&gpu, name, size).expect("valid settings"));
+        bench::write_rows("joined", &rows).expect("target can be written");
+        return;
+    }
     println!(
         "{:12} {:9} {:>8} {:>9} {:>8} {:>8} {:>8} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>9} {:>8} {:>8}",
         "scene",
@@ -86,7 +105,6 @@ fn main() {
         "shell/s",
         "eval/s"
     );
-    let size = if quick { [256, 256] } else { [512, 512] };
     let names = if quick {
         &["cornell", "colonnade"][..]
     } else {
@@ -102,6 +120,57 @@ fn main() {
     }
     bar.finish_and_clear();
     bench::write_rows("passes", &rows).expect("target can be written");
+}
+
+/// Milliseconds from clusters to pictures of occlusion, of a bounce of light, and of both in one splat, with the preset
+/// `balanced` without a radius. Making and lighting surfels is the same for all.
+fn two_in_one(gpu: &Gpu, name: &str, size: [u32; 2]) -> Result<serde_json::Value, Error> {
+    let scene = scenes::by_name(name).expect("a scene of the crate");
+    let camera = camera_of(&scene, size);
+    let preset = presets::preset("balanced", f32::INFINITY).expect("a preset");
+    let buffers = SceneBuffers::new(gpu, &scene);
+    let raster = Raster::draw(gpu, &buffers, &camera);
+    let capacity = CloudCapacity {
+        surfels: 1 << 20,
+        pieces: buffers.triangles() + 100_000,
+        triangles: buffers.triangles(),
+    };
+    let lights = [Light::Directional {
+        direction: DVec3::new(0.45, -0.8, -0.4),
+        irradiance: [3.2, 3.1, 2.9],
+    }];
+    let occlusion = AmbientOcclusion::default().effect();
+    let light = DiffuseBounce::default().effect()?;
+    let effects = [occlusion.clone(), light.clone(), occlusion.and(&light)?];
+    let levels = preset.splat.levels;
+    let renderers = effects.map(|e| Renderer::of(gpu, &e, capacity, size, levels, false));
+    let mut best = [f64::INFINITY; 3];
+    let mut renderers = renderers.into_iter().collect::<Result<Vec<_>, _>>()?;
+    // In turns, since the machine is not idle. The first run compiles.
+    for _ in 0..=RUNS {
+        for (best, renderer) in best.iter_mut().zip(&mut renderers) {
+            let rendered =
+                renderer.render_lit(gpu, &raster, &buffers, &camera, &lights, &preset)?;
+            let shared = ["surfelize", "bvh", "light", "decode"];
+            let own = rendered.passes.iter().filter(|p| !shared.contains(&p.0));
+            *best = best.min(own.map(|p| p.1).sum());
+        }
+    }
+    let [occlusion, light, both] = best;
+    let ratio = both / occlusion.max(light);
+    println!(
+        "{name:12} occlusion {occlusion:.1} ms, light {light:.1} ms, both {both:.1} ms: {ratio:.2} of the dearer"
+    );
+    Ok(serde_json::json!({
+        "adapter": gpu.adapter.name,
+        "scene": name,
+        "width": size[0],
+        "height": size[1],
+        "occlusion_ms": occlusion,
+        "light_ms": light,
+        "joined_ms": both,
+        "joined_over_dearer": ratio,
+    }))
 }
 
 fn measure(

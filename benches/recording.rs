@@ -242,28 +242,12 @@ fn splatted(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
             ..SurfelizerSettings::default()
         };
         surfelizer.record(device, encoder, &input, &surfels, &mut cloud)?;
-        let input = ClusterInput {
-            cloud: &cloud,
-            materials: None,
-            timestamps: None,
-        };
+        let input = ClusterInput::new(&cloud);
         splatter.record_clusters(device, encoder, &input, &settings, &mut clusters)?;
         let frame = decoder.record(device, encoder, &bench.frame(), &mut receivers)?;
-        let input = SplatInput {
-            frame: &frame,
-            cloud: &cloud,
-            clusters: &clusters,
-            materials: None,
-            work: None,
-            timestamps: None,
-        };
+        let input = SplatInput::new(&frame, &cloud, &clusters);
         splatter.record(device, encoder, &input, &settings, &sums)?;
-        let input = ReconstructorInput {
-            frame: &frame,
-            sums: &sums,
-            target: target.texture().into(),
-            timestamps: None,
-        };
+        let input = ReconstructorInput::new(&frame, &sums, target.texture());
         let settings = ReconstructorSettings::default();
         reconstructor.record(device, encoder, &input, &settings, &scratch)
     })

@@ -9,8 +9,8 @@
 //! * [`Surfelizer`]: the caller's triangles become a [`SurfelCloud`], finer near the camera than far from it.
 //! * [`SurfelShader`]: what each surfel sends of the caller's [`Light`]s, for effects that bounce light.
 //! * [`ShellSplatter`]: sums over the surfels for every pixel of the caller's G-buffer, near ones at full resolution and
-//!   far ones ever more coarsely. What a surfel adds to a pixel is an [`Effect`], the crate's ([`AmbientOcclusion`]) or
-//!   one of the caller's, in WGSL.
+//!   far ones ever more coarsely. What a surfel adds to a pixel is an [`Effect`], the crate's ([`AmbientOcclusion`],
+//!   [`DiffuseBounce`]), one of the caller's, in WGSL, or two of them in one splat ([`Effect::and`]).
 //! * [`Reconstructor`]: the sums smoothed, added up and written into the caller's texture.
 //! * [`BouncedZBuffer`] in place of the splatter, where it matters what hides what: what each pixel meets first along N
 //!   directions of its own, exactly. Its noise falls with N, and nothing else is approximate.
@@ -142,7 +142,10 @@ pub use bvh::{Bvh, BvhBuilder, Primitives};
 pub use camera::{Camera, Footprint, Viewport};
 pub use depth_moments::DepthMoments;
 pub use effect::{Channels, Effect};
-pub use effects::ambient_occlusion::{AmbientOcclusion, Overlap};
+pub use effects::{
+    ambient_occlusion::{AmbientOcclusion, Overlap},
+    diffuse_bounce::DiffuseBounce,
+};
 pub use error::Error;
 pub use gbuffer::{GBuffer, NormalEncoding, NormalSpace, Normals};
 pub use geometry::{

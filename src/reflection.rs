@@ -4,7 +4,7 @@
 use std::sync::LazyLock;
 
 #[cfg(test)]
-use crate::{AmbientOcclusion, Channels, Effect, shaders};
+use crate::{AmbientOcclusion, Effect, shaders};
 
 /// A test named `$test` that a struct has the fields, offsets and size of a struct of the WGSL, in the first module whose name
 /// begins with each of those given. Fields whose names begin with `padding` are left out, on either side. What the WGSL has
@@ -59,11 +59,14 @@ pub(crate) fn effects() -> [Effect; 2] {
     let all = Effect {
         source: "
             fn max_distance(s: Sender, e: f32) -> f32 { return s.radius / e; }
-            fn contribution(s: Sender, n: vec3f, to: vec3f, d2: f32) -> vec3f { return s.material.emission; }
-            fn resolve(sum: vec3f, albedo: vec3f) -> vec4f { return vec4f(sum * albedo, 1.0); }"
+            fn contribution(s: Sender, n: vec3f, to: vec3f, d2: f32) -> Sum {
+              return Sum(vec4f(s.material.emission, 1.0), vec4f(s.front + s.back, 1.0));
+            }
+            fn resolve(sum: Sum, albedo: vec3f) -> vec4f { return vec4f(sum[1].xyz * albedo, 1.0); }"
             .into(),
-        channels: Channels::Three,
+        channels: 8,
         materials: true,
+        radiance: true,
         albedo: true,
         ..plain.clone()
     };

@@ -3,7 +3,7 @@
 //
 //   smooth_rows     compute: joint bilateral means along rows, for levels 1 and up
 //   smooth_columns  compute: the same along columns, and the sum of these levels
-//   reconstruct     fragment: level 0 and that sum, through the effect's resolve()
+//   reconstruct     fragment: level 0 and that sum, through one of the effect's outputs
 //
 // A pixel of level l saw one surfel in 4^l, by its place in a block of 2^l x 2^l pixels: the mean over such a block sees
 // them all. Neighbours count as far as they lie in the pixel's tangent plane and it in theirs, and share its normal.
@@ -40,10 +40,14 @@ struct Params {
 @group(0) @binding(1) var receivers: texture_2d<u32>;
 @group(0) @binding(2) var sums: texture_2d_array<f32>;
 #if SMOOTH
-#if COLOR
+#if COLOR || QUAD || OCTET
 @group(0) @binding(3) var means: texture_storage_2d_array<rgba32float, write>;
 #else
+#if PAIR
+@group(0) @binding(3) var means: texture_storage_2d_array<rg32float, write>;
+#else
 @group(0) @binding(3) var means: texture_storage_2d_array<r32float, write>;
+#endif
 #endif
 #else
 #if SMOOTHED
@@ -55,31 +59,78 @@ struct Params {
 @group(0) @binding(4) var albedo_texture: texture_2d<f32>;
 #endif
 #import effect
+#import output
 #endif
 
 fn size() -> vec2i {
   return vec2i(params.camera.viewport.zw);
 }
 
+#if OCTET
+fn sum_at(at: vec2i, level: u32) -> Sum {
+  return Sum(textureLoad(sums, at, level * PLANES, 0), textureLoad(sums, at, level * PLANES + 1u, 0));
+}
+#else
 fn value_of(texel: vec4f) -> Sum {
+#if QUAD
+  return texel;
+#else
 #if COLOR
   return texel.xyz;
 #else
+#if PAIR
+  return texel.xy;
+#else
   return texel.x;
+#endif
+#endif
 #endif
 }
 
-// Whether an effect's sum can be used: one that overflowed or is NaN counts for nothing, here and in its neighbours.
-fn is_usable(sum: Sum) -> bool {
-#if COLOR
-  return is_finite3(sum);
-#else
-  return is_finite(sum);
-#endif
+fn sum_at(at: vec2i, level: u32) -> Sum {
+  return value_of(textureLoad(sums, at, level, 0));
 }
+#endif
 
 #if SMOOTH
 
+// Sums of four pixels: a column holds one channel of all.
+#if OCTET
+struct FourSums {
+  low: mat4x4f,
+  high: mat4x4f,
+}
+fn four_of(sum: vec4f, weight: vec4f) -> mat4x4f {
+  return mat4x4f(sum.x * weight, sum.y * weight, sum.z * weight, sum.w * weight);
+}
+fn scaled(sum: Sum, weight: vec4f) -> FourSums {
+  return FourSums(four_of(sum[0], weight), four_of(sum[1], weight));
+}
+fn added(a: FourSums, b: FourSums) -> FourSums {
+  return FourSums(a.low + b.low, a.high + b.high);
+}
+fn four_divided(sums: mat4x4f, weights: vec4f) -> mat4x4f {
+  return mat4x4f(sums[0] / weights, sums[1] / weights, sums[2] / weights, sums[3] / weights);
+}
+fn divided(sums: FourSums, weights: vec4f) -> FourSums {
+  return FourSums(four_divided(sums.low, weights), four_divided(sums.high, weights));
+}
+fn sum_of(sums: FourSums, i: u32) -> Sum {
+  return Sum(transpose(sums.low)[i], transpose(sums.high)[i]);
+}
+#else
+#if QUAD
+alias FourSums = mat4x4f;
+fn scaled(sum: vec4f, weight: vec4f) -> FourSums {
+  return mat4x4f(sum.x * weight, sum.y * weight, sum.z * weight, sum.w * weight);
+}
+fn divided(sums: FourSums, weights: vec4f) -> FourSums {
+  return mat4x4f(sums[0] / weights, sums[1] / weights, sums[2] / weights, sums[3] / weights);
+}
+fn sum_of(sums: FourSums, i: u32) -> Sum {
+  return vec4f(sums[0][i], sums[1][i], sums[2][i], sums[3][i]);
+}
+#else
 #if COLOR
 alias FourSums = mat3x4f;
 fn scaled(sum: vec3f, weight: vec4f) -> FourSums {
@@ -88,8 +139,20 @@ fn scaled(sum: vec3f, weight: vec4f) -> FourSums {
 fn divided(sums: FourSums, weights: vec4f) -> FourSums {
   return mat3x4f(sums[0] / weights, sums[1] / weights, sums[2] / weights);
 }
-fn texel_of(sums: FourSums, i: u32) -> vec4f {
-  return vec4f(sums[0][i], sums[1][i], sums[2][i], 0.0);
+fn sum_of(sums: FourSums, i: u32) -> Sum {
+  return vec3f(sums[0][i], sums[1][i], sums[2][i]);
+}
+#else
+#if PAIR
+alias FourSums = mat2x4f;
+fn scaled(sum: vec2f, weight: vec4f) -> FourSums {
+  return mat2x4f(sum.x * weight, sum.y * weight);
+}
+fn divided(sums: FourSums, weights: vec4f) -> FourSums {
+  return mat2x4f(sums[0] / weights, sums[1] / weights);
+}
+fn sum_of(sums: FourSums, i: u32) -> Sum {
+  return vec2f(sums[0][i], sums[1][i]);
 }
 #else
 alias FourSums = vec4f;
@@ -99,8 +162,14 @@ fn scaled(sum: f32, weight: vec4f) -> FourSums {
 fn divided(sums: FourSums, weights: vec4f) -> FourSums {
   return sums / weights;
 }
-fn texel_of(sums: FourSums, i: u32) -> vec4f {
-  return vec4f(sums[i], 0.0, 0.0, 0.0);
+fn sum_of(sums: FourSums, i: u32) -> Sum {
+  return sums[i];
+}
+#endif
+#endif
+#endif
+fn added(a: FourSums, b: FourSums) -> FourSums {
+  return a + b;
 }
 #endif
 
@@ -146,7 +215,7 @@ fn similarity(p: Four, position: vec3f, normal: vec3f) -> vec4f {
   return in_plane * in_plane * base4 * base4;
 }
 
-fn smoothed(first: vec2i, along: vec2i, level: u32, layer: u32) -> FourSums {
+fn smoothed(first: vec2i, along: vec2i, level: u32, place: u32) -> FourSums {
   let width = half_width(level);
   let p = load_four(first, along, width);
   var mean: FourSums;
@@ -156,24 +225,27 @@ fn smoothed(first: vec2i, along: vec2i, level: u32, layer: u32) -> FourSums {
   for (var t = max(start - width, 0); t <= end; t++) {
     let there = first + (t - start) * along;
     let texel = textureLoad(receivers, there, 0);
-    let sum = value_of(textureLoad(sums, there, layer, 0));
+    let sum = sum_at(there, place);
     if texel.w != SKY && is_usable(sum) {
       let offset = abs(vec4f(f32(t - start)) - vec4f(0.0, 1.0, 2.0, 3.0));
       var weight = similarity(p, receiver_position(texel), unpack_normal(texel.w));
       weight = select(weight, vec4f(0.0), offset > vec4f(f32(width)));
       weight = select(weight, vec4f(1.0), offset == vec4f(0.0));
-      mean += scaled(sum, weight);
+      mean = added(mean, scaled(sum, weight));
       weights += weight;
     }
   }
   return divided(mean, max(weights, vec4f(1e-30)));
 }
 
-fn store(first: vec2i, along: vec2i, layer: u32, four: FourSums) {
+fn store(first: vec2i, along: vec2i, place: u32, four: FourSums) {
   for (var i = 0u; i < 4u; i++) {
     let at = first + i32(i) * along;
     if all(at < size()) {
-      textureStore(means, at, layer, texel_of(four, i));
+      textureStore(means, at, place * PLANES, texel_of(sum_of(four, i), 0u));
+#if OCTET
+      textureStore(means, at, place * PLANES + 1u, texel_of(sum_of(four, i), 1u));
+#endif
     }
   }
 }
@@ -194,7 +266,7 @@ fn smooth_columns(@builtin(global_invocation_id) id: vec3u) {
   if all(first < size()) {
     var total: FourSums;
     for (var level = 1u; level < params.levels; level++) {
-      total += smoothed(first, along, level, level - 1u);
+      total = added(total, smoothed(first, along, level, level - 1u));
     }
     store(first, along, 0u, total);
   }
@@ -212,17 +284,21 @@ fn reconstruct(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
   let pixel = stands_for(vec2u(at), params.sub_image, params.viewport.zw);
   albedo = decode_albedo(textureLoad(albedo_texture, params.viewport.xy + pixel, 0).xyz);
 #endif
-  var total = Sum(0.0);
+  var total = Sum();
   if textureLoad(receivers, at, 0).w != SKY {
-    let finest = value_of(textureLoad(sums, at, 0, 0));
+    let finest = sum_at(at, 0u);
     if is_usable(finest) {
       total = finest;
     }
 #if SMOOTHED
+#if OCTET
+    total += Sum(textureLoad(means, at, 0, 0), textureLoad(means, at, 1, 0));
+#else
     total += value_of(textureLoad(means, at, 0, 0));
 #endif
+#endif
   }
-  return held(resolve(total, albedo));
+  return held(resolved(total, albedo));
 }
 
 #endif

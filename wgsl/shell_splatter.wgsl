@@ -68,10 +68,15 @@ struct Params {
 #else
 @group(0) @binding(4) var<storage, read> clusters: array<Cluster>;
 @group(0) @binding(5) var receivers: texture_2d<u32>;
-#if COLOR
+// So many planes a level as the sums have.
+#if COLOR || QUAD || OCTET
 @group(0) @binding(6) var sums: texture_storage_2d_array<rgba32float, write>;
 #else
+#if PAIR
+@group(0) @binding(6) var sums: texture_storage_2d_array<rg32float, write>;
+#else
 @group(0) @binding(6) var sums: texture_storage_2d_array<r32float, write>;
+#endif
 #endif
 #endif
 #if MATERIAL
@@ -80,6 +85,9 @@ struct Params {
 #if STATISTICS
 // A row of four per level: pairs evaluated, in their shell, contributing, and unused.
 @group(0) @binding(8) var<storage, read_write> statistics: array<atomic<u32>>;
+#endif
+#if RADIANCE
+@group(0) @binding(10) var<storage, read> radiance: array<SurfelRadiance>;
 #endif
 
 #import effect
@@ -96,21 +104,27 @@ fn material_of(number: u32) -> Material {
 }
 #endif
 
-fn sender_of(disk: vec4f, source: SurfelSource) -> Sender {
+fn sender_of(at: u32, disk: vec4f, source: SurfelSource) -> Sender {
   var sender: Sender;
   sender.radius = disk.w;
   sender.normal = unpack_normal(source.normal);
 #if MATERIAL
   sender.material = material_of(source.material);
 #endif
+#if RADIANCE
+  sender.front = radiance[at].front;
+#if !ONE_SIDED
+  sender.back = radiance[at].back;
+#endif
+#endif
   return sender;
 }
 
-// Inner and outer radius of a surfel's shell on this level.
+// Inner and outer radius of a surfel's shell on this level; the outer one is negative for a surfel that contributes nothing.
 fn shell(sender: Sender) -> vec2f {
   let reach = min(max_distance(sender, params.epsilon) * f32(1u << params.level), UNBOUNDED);
   let inner = select(0.0, 0.5 * reach, params.level > 0u);
-  let outer = select(reach, UNBOUNDED, params.unbounded != 0u);
+  let outer = select(reach, UNBOUNDED, (params.unbounded != 0u) & !(reach < 0.0));
   return vec2f(inner, min(outer, params.world_radius));
 }
 
@@ -172,7 +186,7 @@ fn build_clusters(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invoca
   for (var rank = first; rank < end; rank++) {
     let at = surfel_dealt(rank, sub_buffer, params.level);
     let disk = surfels[at];
-    let sender = sender_of(disk, sources[at]);
+    let sender = sender_of(at, disk, sources[at]);
     let radii = shell(sender);
     if radii.y > radii.x {
       cluster.low = min(cluster.low, disk.xyz);
@@ -403,10 +417,9 @@ fn store_sum(pixel: Pixel, surfels_sum: Sum) {
       sum += own_surface(min(dot(pixel.normal, pixel.surface), 1.0));
     }
 #endif
-#if COLOR
-    textureStore(sums, at, params.level, vec4f(sum, 0.0));
-#else
-    textureStore(sums, at, params.level, vec4f(sum, 0.0, 0.0, 0.0));
+    textureStore(sums, at, params.level * PLANES, texel_of(sum, 0u));
+#if OCTET
+    textureStore(sums, at, params.level * PLANES + 1u, texel_of(sum, 1u));
 #endif
   }
 }
@@ -428,9 +441,9 @@ fn pair(disk: vec4f, sender: Sender, radii2: vec2f, pixel: Pixel) -> Sum {
   let value = contribution(sender, pixel.normal, to_sender, distance2);
 #if STATISTICS
   in_shell += select(0u, 1u, inside);
-  contributing += select(0u, 1u, inside && any(value > Sum(0.0)));
+  contributing += select(0u, 1u, inside && is_positive(value));
 #endif
-  return select(Sum(0.0), value, inside);
+  return chosen(value, inside);
 }
 
 @compute @workgroup_size(64)
@@ -491,8 +504,8 @@ fn splat(
   let b4 = unit_boxes[4]; let b5 = unit_boxes[5]; let b6 = unit_boxes[6]; let b7 = unit_boxes[7];
   let tile_box = merged(merged(merged(b0, b1), merged(b2, b3)), merged(merged(b4, b5), merged(b6, b7)));
 
-  var s0 = Sum(0.0); var s1 = Sum(0.0); var s2 = Sum(0.0); var s3 = Sum(0.0);
-  var s4 = Sum(0.0); var s5 = Sum(0.0); var s6 = Sum(0.0); var s7 = Sum(0.0);
+  var s0 = Sum(); var s1 = Sum(); var s2 = Sum(); var s3 = Sum();
+  var s4 = Sum(); var s5 = Sum(); var s6 = Sum(); var s7 = Sum();
 #if STATISTICS
   var evaluated = 0u;
 #endif
@@ -560,7 +573,7 @@ fn splat(
         if (rank < surfel_count) & (first + i < round_surfels) {
           let at = surfel_dealt(rank, sub_buffer, params.level);
           let disk = surfels[at];
-          let sender = sender_of(disk, sources[at]);
+          let sender = sender_of(at, disk, sources[at]);
           let radii = shell(sender);
           let reach2 = select(-1.0, radii.y * radii.y, radii.y > radii.x);
           let bit = 1u << ((first + i) & 31u);
@@ -620,16 +633,24 @@ fn splat(
 #if MATERIAL
         var own_material = 0u;
 #endif
+#if RADIANCE
+        var own_front = vec3f(0.0);
+        var own_back = vec3f(0.0);
+#endif
         if own_bits != 0u {
           let k = firstTrailingBit(own_bits);
           let at = surfel_dealt(select(odd, even, k < CLUSTER) + k, sub_buffer, params.level);
           own_disk = surfels[at];
-          let own_sender = sender_of(own_disk, sources[at]);
+          let own_sender = sender_of(at, own_disk, sources[at]);
           own_normal = own_sender.normal;
           let radii = shell(own_sender);
           own_radii2 = radii * radii;
 #if MATERIAL
           own_material = sources[at].material;
+#endif
+#if RADIANCE
+          own_front = own_sender.front;
+          own_back = own_sender.back;
 #endif
         }
         bits = subgroupShuffle(own_bits, team_base + count - 1u);
@@ -643,6 +664,12 @@ fn splat(
           sender.normal = subgroupShuffle(own_normal, giver);
 #if MATERIAL
           sender.material = material_of(subgroupShuffle(own_material, giver));
+#endif
+#if RADIANCE
+          sender.front = subgroupShuffle(own_front, giver);
+#if !ONE_SIDED
+          sender.back = subgroupShuffle(own_back, giver);
+#endif
 #endif
           let radii2 = subgroupShuffle(own_radii2, giver);
           s0 += pair(disk, sender, radii2, q0);
@@ -665,7 +692,7 @@ fn splat(
           bits &= bits - 1u;
           let at = surfel_dealt(select(odd, even, k < CLUSTER) + k, sub_buffer, params.level);
           let disk = surfels[at];
-          let sender = sender_of(disk, sources[at]);
+          let sender = sender_of(at, disk, sources[at]);
           let radii = shell(sender);
           let radii2 = radii * radii;
           s0 += pair(disk, sender, radii2, q0);

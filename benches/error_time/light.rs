@@ -1,14 +1,18 @@
-//! One bounce of diffuse light: by the bounced z-buffer, and by what the depth buffer alone allows.
+//! One bounce of diffuse light: by the bounced z-buffer, by splatting, and by what the depth buffer alone allows.
 
-use deep_screen_space::{CloudCapacity, Payload, RaySettings, glam::DVec3, wgpu::TextureView};
+use deep_screen_space::{
+    CloudCapacity, DiffuseBounce, Payload, RaySettings, SurfelCounts, glam::DVec3,
+    wgpu::TextureView,
+};
 use serde_json::{Value, json};
 
 use super::method::{Method, QUALITY, Shot, Variant};
 use support::depth_only::{DepthOnly, Frame, IndirectSettings};
 use support::stage::{Stage, luminance};
 use support::{
+    ambient_occlusion::Renderer,
     bounced::{BouncedRenderer, RayRoom},
-    presets::{self, BouncedPreset},
+    presets::{self, BouncedPreset, Preset},
 };
 
 /// Directions, from cheap to dear; the filter follows.
@@ -133,6 +137,91 @@ impl Method for BouncedLight {
         let further = preset.further.map_or(0.0, |further| further.rays_per_pixel);
         let rays = preset.bounced.rays_per_pixel + further.ceil() as u32;
         Ok(json!({ "most_rays": pixels * rays * 2 }))
+    }
+}
+
+/// Sums over lit surfels, which do not know what hides what.
+pub struct SplatLight {
+    renderer: Renderer,
+    level: f64,
+}
+
+/// Surfels' radii and thresholds, as the presets have them, carried on to both sides.
+const SURFELS: [[f32; 2]; 5] = [
+    [8.0, 0.16],
+    [4.0, 0.08],
+    [2.0, 0.04],
+    [1.5, 0.02],
+    [1.0, 0.01],
+];
+
+impl SplatLight {
+    /// `level` is what values are in units of.
+    pub fn new(stage: &Stage<'_>, level: f64) -> Result<Self, String> {
+        let triangles = stage.buffers.triangles();
+        let capacity = CloudCapacity {
+            surfels: 1 << 18,
+            pieces: triangles + 100_000,
+            triangles,
+        };
+        let levels = Self::preset("balanced").splat.levels;
+        let effect = DiffuseBounce::default().effect();
+        let size = stage.effort.size;
+        let renderer = effect
+            .and_then(|effect| Renderer::of(stage.gpu, &effect, capacity, size, levels, false))
+            .map_err(|e| e.to_string())?;
+        Ok(Self { renderer, level })
+    }
+
+    fn preset(name: &str) -> Preset {
+        presets::preset(name, f32::INFINITY).expect("a preset of that name")
+    }
+}
+
+impl Method for SplatLight {
+    type Setting = Preset;
+    const NAME: &'static str = "splat";
+
+    fn variants(&self, _: &Stage<'_>, _: f32, _: bool) -> Vec<Variant<Preset>> {
+        SURFELS
+            .map(|[pixels, epsilon]| {
+                let mut setting = Self::preset("balanced");
+                setting.surfelizer.radius_pixels = pixels;
+                setting.splat.epsilon = epsilon;
+                Variant {
+                    knob: QUALITY,
+                    value: format!("{pixels} px"),
+                    setting,
+                }
+            })
+            .into()
+    }
+
+    fn describe(preset: &Preset) -> Value {
+        json!({
+            "radius_pixels": preset.surfelizer.radius_pixels,
+            "epsilon": preset.splat.epsilon,
+            "levels": preset.splat.levels,
+        })
+    }
+
+    fn render(&mut self, stage: &Stage<'_>, preset: &Preset) -> Result<Shot, String> {
+        let (scene, camera, lights) = (&stage.buffers, &stage.camera, &stage.lights);
+        let rendered = self
+            .renderer
+            .render_lit(stage.gpu, &stage.drawn, scene, camera, lights, preset)
+            .map_err(|e| e.to_string())?;
+        let light = rendered.pictures[0].iter().map(|&[r, g, b, _]| [r, g, b]);
+        Ok(Shot {
+            values: values(light, self.level),
+            passes: rendered.passes,
+            note: (rendered.counts.overflow() > 0).then_some("more surfels than room"),
+        })
+    }
+
+    fn work(&mut self, stage: &Stage<'_>, _: &Preset) -> Result<Value, String> {
+        let counts: Vec<SurfelCounts> = stage.gpu.read_buffer(self.renderer.cloud.counters());
+        Ok(json!({ "surfels": counts[0].stored }))
     }
 }
 

@@ -37,7 +37,7 @@ use bounced::Bounced;
 use clap::Parser;
 use deep_screen_space::scenes;
 use horizon::Horizon;
-use light::{BouncedLight, Marched};
+use light::{BouncedLight, Marched, SplatLight};
 use method::{Measurement, Method};
 use splat::Splat;
 use support::bench;
@@ -48,6 +48,8 @@ use table::Row;
 /// Error against time of ambient occlusion, method by method and a knob at a time.
 #[derive(Parser)]
 #[command(about)]
+// Switches of a command line.
+#[allow(clippy::struct_excessive_bools)]
 struct Options {
     /// Two scenes, small pictures, fewer rays and one run per setting: to see that it works.
     #[arg(long)]
@@ -55,6 +57,9 @@ struct Options {
     /// One of the crate's scenes in place of all.
     #[arg(long)]
     scene: Option<String>,
+    /// One bounce of light alone, without occlusion and without files.
+    #[arg(long)]
+    light: bool,
     /// All combinations of surfel radius, epsilon and levels too, and which of them no other beats. Takes long.
     #[arg(long)]
     grid: bool,
@@ -109,26 +114,12 @@ fn run(options: &Options) -> Result<(), String> {
     let mut rows = Vec::new();
     for scene in &scenes {
         let stage = Stage::new(&gpu, &effort, (scene, &scene.views[0]))?;
-        let mut splat = Splat::new(&stage)?;
-        let mut bounced = Bounced::new(&stage)?;
-        let mut horizon = Horizon::new(&stage);
-        for radius in [scene.ao_radius, f32::INFINITY] {
-            let mut measurement = Measurement {
-                stage: &stage,
-                effect: Effect::Ao,
-                radius,
-                truth: stage.truth(radius)?,
-                grid: options.grid,
-                unit_ms: None,
-                rows: &mut rows,
-            };
-            // All times are relative to the first.
-            measurement.of(&mut splat)?;
-            measurement.of(&mut bounced)?;
-            measurement.of(&mut horizon)?;
+        if !options.light {
+            occlusion(&stage, options, &mut rows)?;
         }
         let truth = stage.light_truth();
         let mut bounced = BouncedLight::new(&stage, truth.level)?;
+        let mut splat = SplatLight::new(&stage, truth.level)?;
         let mut marched = Marched::new(&stage, truth.level);
         let mut measurement = Measurement {
             stage: &stage,
@@ -140,9 +131,36 @@ fn run(options: &Options) -> Result<(), String> {
             rows: &mut rows,
         };
         measurement.of(&mut bounced)?;
+        measurement.of(&mut splat)?;
         measurement.of(&mut marched)?;
     }
+    if options.light {
+        return Ok(());
+    }
     report(&rows)
+}
+
+/// Of a view, within the scene's radius and without one.
+fn occlusion(stage: &Stage<'_>, options: &Options, rows: &mut Vec<Row>) -> Result<(), String> {
+    let mut splat = Splat::new(stage)?;
+    let mut bounced = Bounced::new(stage)?;
+    let mut horizon = Horizon::new(stage);
+    for radius in [stage.scene.ao_radius, f32::INFINITY] {
+        let mut measurement = Measurement {
+            stage,
+            effect: Effect::Ao,
+            radius,
+            truth: stage.truth(radius)?,
+            grid: options.grid,
+            unit_ms: None,
+            rows,
+        };
+        // All times are relative to the first.
+        measurement.of(&mut splat)?;
+        measurement.of(&mut bounced)?;
+        measurement.of(&mut horizon)?;
+    }
+    Ok(())
 }
 
 /// Writes the files, and prints what no other setting beats.

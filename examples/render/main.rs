@@ -92,7 +92,7 @@ pub(crate) struct Options {
     /// Half width of the filter's window in pixels in place of what suits the number of rays, for the bounced z-buffer.
     #[arg(long)]
     window: Option<u32>,
-    /// Whether surfaces occlude behind their backs too, for splatting.
+    /// Whether surfaces occlude and shine behind their backs too, for splatting.
     #[arg(long)]
     two_sided: bool,
     /// Combine occluders as if they lay independently of each other, for splatting.

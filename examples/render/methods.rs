@@ -1,8 +1,8 @@
 //! The ways to render a picture.
 
 use deep_screen_space::{
-    AmbientOcclusion, CloudCapacity, Error, Overlap, Payload, Piece, RaySettings, SurfelCounts,
-    scenes::Scene,
+    AmbientOcclusion, CloudCapacity, DiffuseBounce, Effect, Error, Overlap, Payload, Piece,
+    RaySettings, SurfelCounts, scenes::Scene,
 };
 use serde_json::{Value, json};
 
@@ -138,7 +138,7 @@ pub fn twice<T>(
     render().map_err(|e| e.to_string())
 }
 
-/// Sums of form factors over surfels.
+/// Sums over surfels: of form factors, or of what they send.
 pub fn splat(
     gpu: &Gpu,
     options: &Options,
@@ -146,9 +146,6 @@ pub fn splat(
     shot: &Shot,
     radius: f32,
 ) -> Result<Rendered, String> {
-    if options.gi() {
-        return Err("--method splat has no --effect gi; --method bounced has".into());
-    }
     let camera = shot.camera()?;
     let preset = presets::preset(&options.preset, radius).ok_or("no such preset")?;
     let buffers = SceneBuffers::new(gpu, scene);
@@ -156,26 +153,27 @@ pub fn splat(
     if options.surfels == 0 {
         return Err("--method splat takes room for a surfel at least".into());
     }
-    let effect = AmbientOcclusion {
-        two_sided: options.two_sided,
-        overlap: if options.independent {
-            Overlap::Independent
-        } else {
-            Overlap::Add
-        },
-        ..AmbientOcclusion::default()
-    };
+    let effect = splatted(options).map_err(|e| e.to_string())?;
     let size = [shot.width, shot.height];
     let meshes = buffers.meshes();
     let (renderer, rendered, capacity) = with_room(
         (gpu, options, &buffers),
         options.surfels,
-        |capacity| Renderer::new(gpu, effect, capacity, size, preset.splat.levels, false),
-        |renderer| renderer.render(gpu, &raster, &meshes, &camera, &preset),
+        |capacity| Renderer::of(gpu, &effect, capacity, size, preset.splat.levels, false),
+        |renderer| {
+            if options.gi() {
+                renderer.render_lit(gpu, &raster, &buffers, &camera, &shot.lights, &preset)
+            } else {
+                renderer.render(gpu, &raster, &meshes, &camera, &preset)
+            }
+        },
         |rendered| (rendered.total_ms(), rendered.counts),
     )?;
     Ok(Rendered {
-        pixels: rendered.visibility.iter().map(|&v| [v; 3]).collect(),
+        pixels: match rendered.pictures.first() {
+            Some(light) => light.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),
+            None => rendered.visibility.iter().map(|&v| [v; 3]).collect(),
+        },
         triangles: buffers.triangles(),
         capacity,
         counts: rendered.counts,
@@ -195,6 +193,27 @@ pub fn splat(
             "normal_power": preset.reconstructor.normal_power,
         }),
     })
+}
+
+fn splatted(options: &Options) -> Result<Effect, Error> {
+    let two_sided = options.two_sided;
+    if options.gi() {
+        return DiffuseBounce {
+            two_sided,
+            ..DiffuseBounce::default()
+        }
+        .effect();
+    }
+    let effect = AmbientOcclusion {
+        two_sided,
+        overlap: if options.independent {
+            Overlap::Independent
+        } else {
+            Overlap::Add
+        },
+        ..AmbientOcclusion::default()
+    };
+    Ok(effect.effect())
 }
 
 /// Nearest hits along directions of each pixel.

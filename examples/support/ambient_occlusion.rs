@@ -1,15 +1,36 @@
-//! The passes wired together for ambient occlusion by splatting.
+//! The passes wired together for effects by splatting.
 
 use deep_screen_space::{
-    AmbientOcclusion, Camera, CloudCapacity, ClusterInput, Geometry, Mesh, Reconstructor,
-    ReconstructorInput, ReconstructorView, ShellSplatter, ShellSplatterDescriptor, SplatInput,
-    SplatView, SurfelCloud, SurfelClusters, SurfelCounts, Surfelizer, SurfelizerInput, wgpu,
+    AmbientOcclusion, Bvh, BvhBuilder, Camera, CloudCapacity, ClusterInput, Effect, Error,
+    Geometry, Light, Mesh, Primitives, Reach, Reconstructor, ReconstructorInput, ReconstructorView,
+    ShadedLight, Shadow, ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatView,
+    SurfelCloud, SurfelClusters, SurfelCounts, SurfelShader, SurfelShaderInput,
+    SurfelShaderSettings, Surfelizer, SurfelizerInput, TextureSlice, wgpu,
 };
 
-use super::{decoding::Decoding, gpu::Gpu, presets::Preset, raster::Raster};
+use super::{decoding::Decoding, gpu::Gpu, presets::Preset, raster::Raster, scene::SceneBuffers};
+
+/// A name and milliseconds by `Gpu::stopwatch`.
+type Timed = (&'static str, f64);
+
+/// What effects need that read what surfels send.
+struct Lighting {
+    shader: SurfelShader,
+    radiance: wgpu::Buffer,
+    builder: BvhBuilder,
+    bvh: Bvh,
+}
+
+/// What surfels are lit by.
+#[derive(Clone, Copy)]
+struct Lamps<'a> {
+    materials: &'a wgpu::Buffer,
+    lights: &'a [Light],
+}
 
 /// The pipelines and one view.
 pub struct Renderer {
+    lighting: Option<Lighting>,
     surfelizer: Surfelizer,
     splatter: ShellSplatter,
     reconstructor: Reconstructor,
@@ -18,15 +39,46 @@ pub struct Renderer {
     pub decoding: Decoding,
     pub view: SplatView,
     scratch: ReconstructorView,
-    target: wgpu::TextureView,
+    /// One an output of the effect.
+    targets: Vec<wgpu::TextureView>,
 }
 
-/// The image, 1 = open, and what it took.
+/// The pictures, and what they took.
 pub struct Rendered {
+    /// Red of the first: for ambient occlusion 1 = open.
     pub visibility: Vec<f32>,
+    /// One an output, of effects that read light; none of others.
+    pub pictures: Vec<Vec<[f32; 4]>>,
     /// A name and milliseconds by `Gpu::stopwatch` per pass.
-    pub passes: Vec<(&'static str, f64)>,
+    pub passes: Vec<Timed>,
     pub counts: SurfelCounts,
+}
+
+impl Lighting {
+    /// A ray from each surfel to each light.
+    fn record(
+        &self,
+        gpu: &Gpu,
+        cloud: &SurfelCloud,
+        lamps: &Lamps<'_>,
+    ) -> Result<[Timed; 2], Error> {
+        let device = &gpu.device;
+        let (bvh_ms, done) =
+            gpu.time(|encoder| self.builder.record(device, encoder, cloud, &self.bvh, None));
+        done?;
+        let lights = lamps.lights.iter().map(|light| ShadedLight {
+            light: *light,
+            shadow: Shadow::Traced(&self.bvh),
+        });
+        let lights: Vec<_> = lights.collect();
+        let input = SurfelShaderInput::new(cloud, lamps.materials, &lights, &self.radiance);
+        let (light_ms, done) = gpu.time(|encoder| {
+            let settings = SurfelShaderSettings::default();
+            self.shader.record(device, encoder, &input, &settings)
+        });
+        done?;
+        Ok([("bvh", bvh_ms), ("light", light_ms)])
+    }
 }
 
 impl Rendered {
@@ -43,30 +95,64 @@ impl Renderer {
         [width, height]: [u32; 2],
         levels: u32,
         statistics: bool,
-    ) -> Result<Self, deep_screen_space::Error> {
+    ) -> Result<Self, Error> {
+        Self::of(
+            gpu,
+            &effect.effect(),
+            capacity,
+            [width, height],
+            levels,
+            statistics,
+        )
+    }
+
+    /// Of any effect.
+    pub fn of(
+        gpu: &Gpu,
+        effect: &Effect,
+        capacity: CloudCapacity,
+        [width, height]: [u32; 2],
+        levels: u32,
+        statistics: bool,
+    ) -> Result<Self, Error> {
         let device = &gpu.device;
-        let effect = effect.effect();
         let surfelizer = Surfelizer::new(device)?;
         let splatter = ShellSplatter::new(
             device,
             &ShellSplatterDescriptor {
-                effect: &effect,
+                effect,
                 subgroups: device
                     .features()
                     .contains(ShellSplatter::optional_features()),
                 statistics,
             },
         )?;
-        let format = wgpu::TextureFormat::R32Float;
+        let format = if effect.radiance {
+            wgpu::TextureFormat::Rgba32Float
+        } else {
+            wgpu::TextureFormat::R32Float
+        };
         let reconstructor = splatter.reconstructor(device, format)?;
         let cloud = surfelizer.create_cloud(device, capacity)?;
         let view = splatter.create_view(device, width, height, levels)?;
+        let lighting = effect.radiance.then(|| -> Result<_, Error> {
+            let shader = SurfelShader::new(device)?;
+            let builder = BvhBuilder::new(device, Primitives::Triangles)?;
+            Ok(Lighting {
+                radiance: shader.create_radiance(device, &cloud)?,
+                bvh: builder.create(device, &cloud)?,
+                shader,
+                builder,
+            })
+        });
+        let outputs = effect.outputs.iter();
         Ok(Self {
+            lighting: lighting.transpose()?,
             clusters: splatter.create_clusters(device, &cloud, levels)?,
             scratch: reconstructor.create_view(device, &view)?,
             decoding: Decoding::new(gpu, [width, height])?,
             view,
-            target: gpu.target(format, width, height),
+            targets: outputs.map(|_| gpu.target(format, width, height)).collect(),
             surfelizer,
             splatter,
             reconstructor,
@@ -81,6 +167,9 @@ impl Renderer {
             + self.decoding.memory_bytes()
             + self.view.memory_bytes()
             + self.scratch.memory_bytes()
+            + self.lighting.as_ref().map_or(0, |lighting| {
+                lighting.radiance.size() + lighting.bvh.memory_bytes()
+            })
     }
 
     /// Renders once, one submission per pass, so that each can be timed on any driver.
@@ -91,10 +180,42 @@ impl Renderer {
         meshes: &[Mesh<'_>],
         camera: &Camera,
         preset: &Preset,
-    ) -> Result<Rendered, deep_screen_space::Error> {
+    ) -> Result<Rendered, Error> {
+        self.render_with(gpu, raster, meshes, camera, None, preset)
+    }
+
+    /// The same for an effect that reads what surfels send, of these lights and of what shines itself.
+    pub fn render_lit(
+        &mut self,
+        gpu: &Gpu,
+        raster: &Raster,
+        scene: &SceneBuffers,
+        camera: &Camera,
+        lights: &[Light],
+        preset: &Preset,
+    ) -> Result<Rendered, Error> {
+        let materials = &scene.materials;
+        let lamps = Lamps { materials, lights };
+        self.render_with(gpu, raster, &scene.meshes(), camera, Some(lamps), preset)
+    }
+
+    fn render_with(
+        &mut self,
+        gpu: &Gpu,
+        raster: &Raster,
+        meshes: &[Mesh<'_>],
+        camera: &Camera,
+        lamps: Option<Lamps<'_>>,
+        preset: &Preset,
+    ) -> Result<Rendered, Error> {
         let device = &gpu.device;
         let mut settings = preset.surfelizer;
-        settings.reach = ShellSplatter::reach(&preset.splat);
+        settings.reach = if lamps.is_some() {
+            // What is far may shadow what is near, and bright surfels reach farther.
+            Reach::default()
+        } else {
+            ShellSplatter::reach(&preset.splat)
+        };
         let (surfelize_ms, done) = gpu.time(|encoder| {
             self.surfelizer.record(
                 device,
@@ -110,11 +231,19 @@ impl Renderer {
             )
         });
         done?;
+        let mut passes = vec![("surfelize", surfelize_ms)];
+        if let (Some(lighting), Some(lamps)) = (&self.lighting, &lamps) {
+            passes.extend(lighting.record(gpu, &self.cloud, lamps)?);
+        }
+        let radiance = self.lighting.as_ref().map(|lighting| &lighting.radiance);
         let (cluster_ms, done) = gpu.time(|encoder| {
             self.splatter.record_clusters(
                 device,
                 encoder,
-                &ClusterInput::new(&self.cloud),
+                &ClusterInput {
+                    radiance,
+                    ..ClusterInput::new(&self.cloud)
+                },
                 &preset.splat,
                 &mut self.clusters,
             )
@@ -126,32 +255,50 @@ impl Renderer {
             self.splatter.record(
                 device,
                 encoder,
-                &SplatInput::new(&frame, &self.cloud, &self.clusters),
+                &SplatInput {
+                    radiance,
+                    ..SplatInput::new(&frame, &self.cloud, &self.clusters)
+                },
                 &preset.splat,
                 &self.view,
             )
         });
         done?;
+        let slices = self.targets.iter().map(|target| target.texture().into());
+        let slices: Vec<TextureSlice<'_>> = slices.collect();
         let (reconstruct_ms, done) = gpu.time(|encoder| {
             self.reconstructor.record(
                 device,
                 encoder,
-                &ReconstructorInput::new(&frame, &self.view, self.target.texture()),
+                &ReconstructorInput {
+                    further: &slices[1..],
+                    ..ReconstructorInput::new(&frame, &self.view, slices[0])
+                },
                 &preset.reconstructor,
                 &self.scratch,
             )
         });
         done?;
         let counts: Vec<SurfelCounts> = gpu.read_buffer(self.cloud.counters());
+        passes.extend([
+            ("cluster", cluster_ms),
+            ("decode", decode_ms),
+            ("splat", splat_ms),
+            ("reconstruct", reconstruct_ms),
+        ]);
+        let pictures: Vec<Vec<[f32; 4]>> = if self.lighting.is_some() {
+            let targets = self.targets.iter();
+            targets.map(|t| gpu.read_texture(t.texture(), 0)).collect()
+        } else {
+            Vec::new()
+        };
         Ok(Rendered {
-            visibility: gpu.read_texture(self.target.texture(), 0),
-            passes: vec![
-                ("surfelize", surfelize_ms),
-                ("cluster", cluster_ms),
-                ("decode", decode_ms),
-                ("splat", splat_ms),
-                ("reconstruct", reconstruct_ms),
-            ],
+            visibility: match pictures.first() {
+                Some(first) => first.iter().map(|texel| texel[0]).collect(),
+                None => gpu.read_texture(self.targets[0].texture(), 0),
+            },
+            pictures,
+            passes,
             counts: counts[0],
         })
     }

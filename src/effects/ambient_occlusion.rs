@@ -1,6 +1,6 @@
 //! Ambient occlusion (`wgsl/effects/ambient_occlusion.wgsl`).
 
-use crate::effect::{Channels, Effect};
+use crate::effect::Effect;
 
 /// How occluders that may lie behind each other are combined. Sums of form factors know nothing of what hides what.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -33,11 +33,6 @@ impl AmbientOcclusion {
     /// The effect. One channel, neither materials nor albedo; writes visibility to r, g and b and 1 to a.
     pub fn effect(self) -> Effect {
         Effect {
-            label: "ambient occlusion".into(),
-            source: include_str!("../../wgsl/effects/ambient_occlusion.wgsl").into(),
-            channels: Channels::One,
-            materials: false,
-            albedo: false,
             two_sided: self.two_sided,
             own_surface: self.own_surface,
             constants: vec![
@@ -50,6 +45,10 @@ impl AmbientOcclusion {
                     },
                 ),
             ],
+            ..Effect::new(
+                "ambient occlusion",
+                include_str!("../../wgsl/effects/ambient_occlusion.wgsl"),
+            )
         }
     }
 }

@@ -1,3 +1,4 @@
 //! The crate's own effects.
 
 pub mod ambient_occlusion;
+pub mod diffuse_bounce;

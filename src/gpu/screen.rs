@@ -157,7 +157,20 @@ pub(crate) fn draw(
     timestamps: Option<Timestamps<'_>>,
     begins: bool,
 ) {
-    let mut pass = begin(encoder, label, target, viewport, timestamps, begins);
+    let writes = timestamps.map(|timestamps| (timestamps, [begins, true]));
+    draw_part(encoder, label, (pipeline, group), target, viewport, writes);
+}
+
+/// One of several, of which the first may write the begin time and the last the end time: which of both it does.
+pub(crate) fn draw_part(
+    encoder: &mut CommandEncoder,
+    label: &str,
+    (pipeline, group): (&RenderPipeline, &Group),
+    target: &TextureSlice<'_>,
+    viewport: Viewport,
+    writes: Option<(Timestamps<'_>, [bool; 2])>,
+) {
+    let mut pass = begin_part(encoder, label, target, viewport, writes);
     pass.set_pipeline(pipeline);
     pass.set_bind_group(0, &group.raw, &group.offsets);
     pass.draw(0..3, 0..1);
@@ -172,6 +185,18 @@ pub(crate) fn begin<'e>(
     timestamps: Option<Timestamps<'_>>,
     begins: bool,
 ) -> RenderPass<'e> {
+    let writes = timestamps.map(|timestamps| (timestamps, [begins, true]));
+    begin_part(encoder, label, target, viewport, writes)
+}
+
+fn begin_part<'e>(
+    encoder: &'e mut CommandEncoder,
+    label: &str,
+    target: &TextureSlice<'_>,
+    viewport: Viewport,
+    writes: Option<(Timestamps<'_>, [bool; 2])>,
+) -> RenderPass<'e> {
+    let writes = writes.filter(|(_, [begins, ends])| *begins || *ends);
     let target = target.view(TextureUsages::RENDER_ATTACHMENT);
     let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
         label: Some(label),
@@ -184,10 +209,10 @@ pub(crate) fn begin<'e>(
                 store: wgpu::StoreOp::Store,
             },
         })],
-        timestamp_writes: timestamps.map(|t| wgpu::RenderPassTimestampWrites {
+        timestamp_writes: writes.map(|(t, [begins, ends])| wgpu::RenderPassTimestampWrites {
             query_set: t.set,
             beginning_of_pass_write_index: begins.then_some(t.begin),
-            end_of_pass_write_index: Some(t.end),
+            end_of_pass_write_index: ends.then_some(t.end),
         }),
         ..Default::default()
     });

@@ -69,6 +69,7 @@ const COMMON: &[Module<'static>] = common![
     sg_hull_error,
     sg_hull_vertex,
     ggx,
+    sums,
     effect_types,
 ];
 

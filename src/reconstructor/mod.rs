@@ -3,6 +3,8 @@
 pub(crate) mod params;
 pub(crate) mod settings;
 
+use std::iter::once;
+
 use wgpu::{
     CommandEncoder, ComputePipeline, Device, RenderPipeline, TextureFormat, TextureView,
     TextureViewDimension,
@@ -11,10 +13,11 @@ use wgpu::{
 use self::{params::ReconstructorParams, settings::ReconstructorSettings};
 use crate::{
     camera::Viewport,
-    effect::Effect,
-    effect::Listing,
+    effect::{Effect, Listing, SumPlanes},
     error::Error,
     gpu::compiler::Compiler,
+    gpu::listing::name_of,
+    gpu::preprocess::Module,
     gpu::{
         Kernel, Timestamps,
         binding::{Kept, Layout, view},
@@ -23,8 +26,7 @@ use crate::{
         shader,
         uniforms::Uniforms,
     },
-    receivers::Frame,
-    receivers::{plane, plane_bytes},
+    receivers::{Frame, plane},
     shell_splatter::{ShellSplatter, SplatView, Splatted},
     texture_slice::{TextureSlice, check_apart},
     work::level_size,
@@ -34,23 +36,30 @@ const SOURCE: &str = include_str!("../../wgsl/reconstructor.wgsl");
 
 const LABEL: &str = "deep-screen-space reconstructor";
 
-/// Smooths level sums, adds them up and writes the effect into the caller's texture.
+/// Smooths level sums, adds them up and writes the effect into the caller's texture, or each of its outputs into one.
 ///
 /// A sum that is not finite, since the effect overflowed or gave NaN, counts for nothing: on level 0 it is taken as 0,
 /// on the others its pixel gets its neighbours' mean, or 0 where it has none. It never spreads.
 ///
-/// Holds pipelines only, for one effect and one target format; one serves any number of views.
+/// Holds pipelines only, for one effect and one target format an output; one serves any number of views.
 #[derive(Debug)]
 pub struct Reconstructor {
     effect: Effect,
-    target: TextureFormat,
     smooth_layout: Layout,
-    /// Without and with smoothed levels.
-    reconstruct_layouts: [Layout; 2],
     smooth_rows: ComputePipeline,
     smooth_columns: ComputePipeline,
-    reconstruct: [RenderPipeline; 2],
+    /// Without and with smoothed levels.
+    reconstruct: [Pictures; 2],
+    /// One an output.
+    targets: Vec<TextureFormat>,
     uniforms: Uniforms,
+}
+
+/// Pipelines from sums to pictures, one an output, which bind the same.
+#[derive(Debug)]
+struct Pictures {
+    layout: Layout,
+    pipelines: Vec<RenderPipeline>,
 }
 
 /// What a [`Reconstructor`] needs for a view with more than one level.
@@ -58,16 +67,16 @@ pub struct Reconstructor {
 pub struct ReconstructorView {
     size: [u32; 2],
     levels: u32,
-    format: TextureFormat,
+    planes: SumPlanes,
     scratch: Option<Scratch>,
     kept: Kept,
 }
 
 #[derive(Debug)]
 struct Scratch {
-    /// Level sums from the second on, smoothed along rows: one layer per level.
+    /// Level sums from the second on, smoothed along rows: the planes of each level.
     rows: TextureView,
-    /// Their total, smoothed along columns too: one layer.
+    /// Their total, smoothed along columns too: the planes of one.
     total: TextureView,
 }
 
@@ -75,7 +84,7 @@ impl ReconstructorView {
     /// GPU memory that it owns, bytes: one plane of sums per level, nothing with one level.
     pub fn memory_bytes(&self) -> u64 {
         if self.scratch.is_some() {
-            plane_bytes(self.format, self.size, self.levels)
+            self.planes.bytes(self.size, self.levels)
         } else {
             0
         }
@@ -93,12 +102,14 @@ pub struct ReconstructorInput<'a> {
     /// camera's viewport, or having a sub-image's pixels from the corner. Only these are written. What a work list left
     /// out gets what the effect makes of the sky.
     pub target: TextureSlice<'a>,
+    /// The same for the effect's outputs from the second on ([`Effect::outputs`]), in their order: none for an effect of one.
+    pub further: &'a [TextureSlice<'a>],
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
 
 impl<'a> ReconstructorInput<'a> {
-    /// Without timestamps.
+    /// For an effect of one output, without timestamps.
     pub fn new(
         frame: &'a Frame<'a>,
         sums: &'a SplatView,
@@ -108,9 +119,27 @@ impl<'a> ReconstructorInput<'a> {
             frame,
             sums,
             target: target.into(),
+            further: &[],
             timestamps: None,
         }
     }
+
+    fn targets(&self) -> impl Iterator<Item = &TextureSlice<'a>> {
+        once(&self.target).chain(self.further)
+    }
+}
+
+/// [`Error::Mismatch`] for another number of targets than an effect has outputs.
+fn check_number(name: &'static str, found: usize, effect: &Effect) -> Result<(), Error> {
+    let needed = effect.outputs.len();
+    if found == needed {
+        return Ok(());
+    }
+    Err(Error::Mismatch {
+        name,
+        found: format!("{found} outputs"),
+        needed: format!("{needed}, as the effect {} has", effect.label),
+    })
 }
 
 impl ShellSplatter {
@@ -130,19 +159,34 @@ impl ShellSplatter {
 
 impl Reconstructor {
     /// Compiles the pipelines. `target` is any colour format that can be rendered to (`R8Unorm`, `R16Float`,
-    /// `Rgba16Float` …); its missing channels are dropped.
+    /// `Rgba16Float` …); its missing channels are dropped. Where the effect has several outputs it is the format of each.
     ///
     /// # Errors
-    /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats, [`Error::Effect`] as
-    /// [`ShellSplatter::new`](crate::ShellSplatter::new).
+    /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats, [`Error::Effect`] and
+    /// [`Error::Setting`] as [`ShellSplatter::new`](crate::ShellSplatter::new).
     pub fn new<'a>(
         compiler: impl Into<Compiler<'a>>,
         effect: &Effect,
         target: TextureFormat,
     ) -> Result<Self, Error> {
+        Self::with_targets(compiler, effect, &vec![target; effect.outputs.len()])
+    }
+
+    /// The same with a format for each of the effect's outputs.
+    ///
+    /// # Errors
+    /// As [`Reconstructor::new`], and [`Error::Mismatch`] for another number of formats than of outputs.
+    pub fn with_targets<'a>(
+        compiler: impl Into<Compiler<'a>>,
+        effect: &Effect,
+        targets: &[TextureFormat],
+    ) -> Result<Self, Error> {
         let Compiler { device, cache } = compiler.into();
         effect.check()?;
-        screen::check_format(device, "Reconstructor target", target)?;
+        check_number("Reconstructor targets", targets.len(), effect)?;
+        for target in targets {
+            screen::check_format(device, "Reconstructor target", *target)?;
+        }
         let module = |variant| -> Result<_, Error> {
             let source = source(effect, variant)?;
             Ok(shader::create_with(device, LABEL, source, &effect.source))
@@ -162,31 +206,35 @@ impl Reconstructor {
         };
         let (smooth_rows, smooth_columns) = (smooth("smooth_rows"), smooth("smooth_columns"));
 
-        let variants = [false, true].map(|smoothed| {
-            let module = module(ReconstructorVariant::Reconstruct { smoothed })?;
-            let layout = module.layout(device, &["reconstruct"]);
-            let pipeline = Screen {
-                label: LABEL,
-                module: &module,
-                entry: "reconstruct",
-                layout: &layout.raw,
-                constants: &effect.overrides(),
-                target,
-                cache,
-            }
-            .create(device);
-            Ok::<_, Error>((layout, pipeline))
-        });
-        let [plain, smoothed] = variants;
-        let ((plain_layout, plain), (smoothed_layout, smoothed)) = (plain?, smoothed?);
+        let pictures = |smoothed| -> Result<Pictures, Error> {
+            let modules = (0..targets.len())
+                .map(|output| module(ReconstructorVariant::Reconstruct { smoothed, output }))
+                .collect::<Result<Vec<_>, _>>()?;
+            let layout = modules[0].layout(device, &["reconstruct"]);
+            let pipelines = modules.iter().zip(targets).map(|(module, &target)| {
+                Screen {
+                    label: LABEL,
+                    module,
+                    entry: "reconstruct",
+                    layout: &layout.raw,
+                    constants: &effect.overrides(),
+                    target,
+                    cache,
+                }
+                .create(device)
+            });
+            Ok(Pictures {
+                pipelines: pipelines.collect(),
+                layout,
+            })
+        };
         Ok(Self {
             effect: effect.clone(),
-            target,
             smooth_layout,
-            reconstruct_layouts: [plain_layout, smoothed_layout],
             smooth_rows,
             smooth_columns,
-            reconstruct: [plain, smoothed],
+            reconstruct: [pictures(false)?, pictures(true)?],
+            targets: targets.to_vec(),
             uniforms: Uniforms::new(LABEL),
         })
     }
@@ -201,9 +249,10 @@ impl Reconstructor {
         sums: &SplatView,
     ) -> Result<ReconstructorView, Error> {
         let (size, levels) = (sums.size(), sums.levels());
-        let format = self.effect.sum_format();
-        let layers = |label, layers| -> Result<TextureView, Error> {
-            let texture = plane(device, label, format, size, layers)?;
+        let planes = self.effect.sums();
+        let layers = |label, levels| -> Result<TextureView, Error> {
+            let layers = levels * planes.count;
+            let texture = plane(device, label, planes.format, size, layers)?;
             Ok(texture.create_view(&wgpu::TextureViewDescriptor {
                 dimension: Some(TextureViewDimension::D2Array),
                 ..Default::default()
@@ -220,7 +269,7 @@ impl Reconstructor {
         Ok(ReconstructorView {
             size,
             levels,
-            format,
+            planes,
             scratch,
             kept: Kept::default(),
         })
@@ -272,28 +321,30 @@ impl Reconstructor {
             pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(32), 1);
         }
 
-        let smoothed = usize::from(smoothing.is_some());
+        let Pictures { layout, pipelines } = &self.reconstruct[usize::from(smoothing.is_some())];
         let mut resources = shared.to_vec();
         resources.push(("sums", view(input.sums.sums())));
         resources.extend(smoothing.map(|scratch| ("means", view(&scratch.total))));
         let albedo = input.frame.gbuffer.albedo.filter(|_| self.effect.albedo);
         let albedo = albedo.map(|slice| slice.read());
-        let layout = &self.reconstruct_layouts[smoothed];
         let group = if let Some(albedo) = &albedo {
             resources.push(("albedo_texture", view(albedo)));
             layout.group(device, &resources)
         } else {
             groups.next(layout, &resources)
         };
-        screen::draw(
-            encoder,
-            LABEL,
-            (&self.reconstruct[smoothed], &group),
-            &input.target,
-            viewport,
-            input.timestamps,
-            smoothing.is_none(),
-        );
+        let last = pipelines.len() - 1;
+        for (i, (pipeline, target)) in pipelines.iter().zip(input.targets()).enumerate() {
+            let writes = [i == 0 && smoothing.is_none(), i == last];
+            screen::draw_part(
+                encoder,
+                LABEL,
+                (pipeline, &group),
+                target,
+                viewport,
+                input.timestamps.map(|timestamps| (timestamps, writes)),
+            );
+        }
         Ok(())
     }
 
@@ -321,9 +372,20 @@ impl Reconstructor {
             let [width, height] = level_size([whole.width, whole.height], level);
             Viewport::full(width, height)
         });
-        screen::check_target(TARGET, &input.target, viewport, self.target)?;
+        check_number(
+            "ReconstructorInput::target and further ones",
+            1 + input.further.len(),
+            &self.effect,
+        )?;
+        for (i, (target, format)) in input.targets().zip(&self.targets).enumerate() {
+            screen::check_target(TARGET, target, viewport, *format)?;
+            let others = input.further[i..].iter().map(|other| (TARGET, *other, 1));
+            check_apart(TARGET, target, others)?;
+            if self.effect.albedo {
+                check_apart(TARGET, target, frame.gbuffer.reads())?;
+            }
+        }
         if self.effect.albedo {
-            check_apart(TARGET, &input.target, frame.gbuffer.reads())?;
             frame
                 .gbuffer
                 .albedo_for(&format!("the effect {}", self.effect.label))?;
@@ -331,18 +393,18 @@ impl Reconstructor {
         let size = sums.size();
         if scratch.size != size
             || scratch.levels < splatted.levels
-            || scratch.format != sums.format()
+            || scratch.planes != sums.planes()
         {
             return Err(Error::Mismatch {
                 name: "ReconstructorView",
                 found: format!(
                     "{:?} pixels, {} levels, {:?}",
-                    scratch.size, scratch.levels, scratch.format
+                    scratch.size, scratch.levels, scratch.planes
                 ),
                 needed: format!(
                     "{size:?} pixels, {} levels, {:?}",
                     splatted.levels,
-                    sums.format()
+                    sums.planes()
                 ),
             });
         }
@@ -354,37 +416,46 @@ impl Reconstructor {
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum ReconstructorVariant {
     Smooth,
-    Reconstruct { smoothed: bool },
+    Reconstruct { smoothed: bool, output: usize },
 }
 
 /// Assembles one of them.
 fn source(effect: &Effect, variant: ReconstructorVariant) -> Result<String, Error> {
     let mut flags = effect.flags();
+    let mut resolved = String::new();
     match variant {
         ReconstructorVariant::Smooth => flags.push("SMOOTH"),
-        ReconstructorVariant::Reconstruct { smoothed } => {
+        ReconstructorVariant::Reconstruct { smoothed, output } => {
             flags.extend(smoothed.then_some("SMOOTHED"));
             flags.extend(effect.albedo.then_some("ALBEDO"));
+            resolved = effect.resolved(output);
         }
     }
-    shader::assemble("reconstructor", SOURCE, &flags, &[effect.module()])
+    let output = Module {
+        name: "output",
+        file: &effect.label,
+        text: &resolved,
+    };
+    let snippets = [effect.module(), output];
+    shader::assemble("reconstructor", SOURCE, &flags, &snippets)
 }
 
 /// Every module of the pass.
 pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
     let effect = all.effect;
-    for (name, variant) in [
-        ("reconstructor smooth", ReconstructorVariant::Smooth),
-        (
-            "reconstructor smoothed",
-            ReconstructorVariant::Reconstruct { smoothed: true },
-        ),
-        (
-            "reconstructor",
-            ReconstructorVariant::Reconstruct { smoothed: false },
-        ),
-    ] {
-        all.add(name, source(effect, variant)?);
+    let smooth = source(effect, ReconstructorVariant::Smooth)?;
+    all.add("reconstructor smooth", smooth);
+    for (output, name) in effect.outputs.iter().enumerate() {
+        for smoothed in [true, false] {
+            let file = if smoothed {
+                "reconstructor smoothed"
+            } else {
+                "reconstructor"
+            };
+            let name = name_of(file, &[(output > 0, name)]);
+            let variant = ReconstructorVariant::Reconstruct { smoothed, output };
+            all.add(&name, source(effect, variant)?);
+        }
     }
     Ok(())
 }

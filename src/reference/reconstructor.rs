@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::shell_splatter::Receiver;
 use crate::{Camera, ReconstructorSettings};
 
-/// An effect's sum: one channel or three.
+/// An effect's sum.
 pub trait Sum: Copy + Default + Send + Sync + AddAssign + Mul<f64, Output = Self> {
     /// Whether it can be used: one that overflowed or is NaN counts for nothing, here and in its neighbours.
     fn is_usable(self) -> bool;

@@ -111,7 +111,7 @@ fn shell<E: Effect>(effect: &E, sender: &Sender, level: u32, settings: &SplatSet
     let epsilon = f64::from(settings.epsilon.clamp(MIN_EPSILON, UNBOUNDED));
     let reach = (effect.max_distance(sender, epsilon) * f64::from(1_u32 << level)).min(unbounded);
     let inner = if level > 0 { 0.5 * reach } else { 0.0 };
-    let last = settings.unbounded && level + 1 == settings.levels;
+    let last = settings.unbounded && level + 1 == settings.levels && reach >= 0.0;
     let outer = if last { unbounded } else { reach };
     [inner, outer.min(f64::from(settings.radius).min(unbounded))]
 }

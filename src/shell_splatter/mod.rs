@@ -7,8 +7,8 @@ pub(crate) mod settings;
 use std::sync::{Arc, OnceLock};
 
 use wgpu::{
-    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, Features, TextureFormat,
-    TextureView, TextureViewDimension,
+    Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, Features, TextureView,
+    TextureViewDimension,
 };
 
 use self::{
@@ -16,21 +16,21 @@ use self::{
     settings::{MIN_EPSILON, SplatSettings},
 };
 use crate::{
-    effect::Effect,
-    effect::Listing,
+    effect::{Effect, Listing, SumPlanes},
     error::{Error, check_setting},
     geometry::Material,
     gpu::compiler::Compiler,
     gpu::listing::name_of,
     gpu::{
         Kernel, Timestamps,
-        binding::{self, Kept, Layout, whole},
+        binding::{self, Kept, Layout, Named, whole},
         check_timestamps, compute_pass, dispatch, shader, storage,
         uniforms::{Parameters, Uniforms},
     },
-    receivers::{Frame, ListedReceiversPass, Place, Receivers, plane, plane_bytes},
+    receivers::{Frame, ListedReceiversPass, Place, Receivers, plane},
     recorded::{Last, Stamp, never},
     surfel::SurfelCloud,
+    surfel_shader::radiance_bytes,
     surfelizer::settings::Reach,
     work::{PixelList, level_size},
 };
@@ -126,7 +126,7 @@ pub struct SplatView {
     /// Those of listed pixels, made by the first recording with a list.
     listed: OnceLock<Receivers>,
     pub(crate) sums: TextureView,
-    format: TextureFormat,
+    planes: SumPlanes,
     levels: u32,
     statistics: Option<Buffer>,
     pub(crate) recorded: Last<Splatted>,
@@ -157,8 +157,9 @@ impl SplatView {
         self.levels
     }
 
-    /// The sums: an array texture with one layer per level, `R32Float` or `Rgba32Float` by the effect's channels, row 0 on
-    /// top (usages `TEXTURE_BINDING | COPY_SRC`). Level sums are noisy by design; their total is the effect's sum.
+    /// The sums: an array texture with one layer per level, or for an effect of more than four channels two, of which the first
+    /// has four channels; `R32Float`, `Rg32Float` or `Rgba32Float` by their number; row 0 on top (usages `TEXTURE_BINDING |
+    /// COPY_SRC`). Level sums are noisy by design; their total is the effect's sum.
     pub fn sums(&self) -> &TextureView {
         &self.sums
     }
@@ -169,8 +170,8 @@ impl SplatView {
         self.statistics.as_ref()
     }
 
-    pub(crate) fn format(&self) -> TextureFormat {
-        self.format
+    pub(crate) fn planes(&self) -> SumPlanes {
+        self.planes
     }
 
     /// Those that were splatted to: the frame's, or of its sub-image those that were listed.
@@ -191,7 +192,7 @@ impl SplatView {
     /// GPU memory that it owns, bytes.
     pub fn memory_bytes(&self) -> u64 {
         self.listed.get().map_or(0, Receivers::memory_bytes)
-            + plane_bytes(self.format, self.size(), self.levels)
+            + self.planes.bytes(self.size(), self.levels)
             + self.statistics.as_ref().map_or(0, Buffer::size)
     }
 }
@@ -203,6 +204,8 @@ pub struct ClusterInput<'a> {
     pub cloud: &'a SurfelCloud,
     /// As [`SplatInput::materials`].
     pub materials: Option<&'a Buffer>,
+    /// As [`SplatInput::radiance`].
+    pub radiance: Option<&'a Buffer>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -220,6 +223,9 @@ pub struct SplatInput<'a> {
     /// A storage buffer of [`Material`](crate::Material)s, for an effect with [`Effect::materials`]. An index beyond
     /// its end takes the last one.
     pub materials: Option<&'a Buffer>,
+    /// What the cloud's surfels send, for an effect with [`Effect::radiance`]: a storage buffer of
+    /// [`SurfelRadiance`](crate::SurfelRadiance), 32 bytes for each surfel of the cloud's capacity.
+    pub radiance: Option<&'a Buffer>,
     /// The pixels to compute, of a sub-image that has the view's size; all of the viewport, if left out. The others' sums
     /// are 0, and tiles without listed pixels cost next to nothing.
     pub work: Option<PixelList<'a>>,
@@ -228,24 +234,26 @@ pub struct SplatInput<'a> {
 }
 
 impl<'a> ClusterInput<'a> {
-    /// Without materials and timestamps.
+    /// Without materials, radiance and timestamps.
     pub fn new(cloud: &'a SurfelCloud) -> Self {
         Self {
             cloud,
             materials: None,
+            radiance: None,
             timestamps: None,
         }
     }
 }
 
 impl<'a> SplatInput<'a> {
-    /// To all pixels, without materials and timestamps.
+    /// To all pixels, without materials, radiance and timestamps.
     pub fn new(frame: &'a Frame<'a>, cloud: &'a SurfelCloud, clusters: &'a SurfelClusters) -> Self {
         Self {
             frame,
             cloud,
             clusters,
             materials: None,
+            radiance: None,
             work: None,
             timestamps: None,
         }
@@ -267,8 +275,8 @@ impl ShellSplatter {
     ///
     /// # Errors
     /// [`Error::Feature`] where subgroups are asked for and the device lacks them, [`Error::Effect`] where the effect's source
-    /// has a malformed directive or not the constants that are given. WGSL that does not compile is wgpu's own validation error,
-    /// as for any shader.
+    /// has a malformed directive or not the outputs and constants that are given, [`Error::Setting`] for a number of channels
+    /// that is not 1 to 8. WGSL that does not compile is wgpu's own validation error, as for any shader.
     pub fn new<'a>(
         compiler: impl Into<Compiler<'a>>,
         descriptor: &ShellSplatterDescriptor<'_>,
@@ -388,8 +396,14 @@ impl ShellSplatter {
     ) -> Result<SplatView, Error> {
         check_levels(levels)?;
         let size = [width, height];
-        let format = self.effect.sum_format();
-        let sums = plane(device, "deep-screen-space level sums", format, size, levels)?;
+        let planes = self.effect.sums();
+        let sums = plane(
+            device,
+            "deep-screen-space level sums",
+            planes.format,
+            size,
+            levels * planes.count,
+        )?;
         let statistics = self
             .statistics
             .then(|| {
@@ -408,7 +422,7 @@ impl ShellSplatter {
                 dimension: Some(TextureViewDimension::D2Array),
                 ..Default::default()
             }),
-            format,
+            planes,
             levels,
             statistics,
             recorded: Last::default(),
@@ -420,7 +434,7 @@ impl ShellSplatter {
     ///
     /// # Errors
     /// [`Error::Setting`], or [`Error::Mismatch`] where the clusters were made for another cloud's capacity or fewer
-    /// levels; [`Error::Recording`] for a cloud that was not recorded.
+    /// levels; [`Error::Recording`] for a cloud that was not recorded; [`Error::Buffer`] as [`ShellSplatter::record`].
     pub fn record_clusters(
         &self,
         device: &Device,
@@ -434,7 +448,7 @@ impl ShellSplatter {
         let cloud = input.cloud;
         check_clusters(cloud, settings, clusters)?;
         let of = cloud.last()?;
-        let materials = self.check_materials(device, input.materials)?;
+        let given = self.check_given(device, cloud, input.materials, input.radiance)?;
         let mut parameters = Parameters::new(device);
         let levels: Vec<_> = (0..settings.levels)
             .map(|level| {
@@ -459,7 +473,7 @@ impl ShellSplatter {
                 ("counters", whole(&cloud.counters)),
                 ("clusters", whole(&clusters.buffer)),
             ];
-            resources.extend(materials.map(|m| ("materials", binding::table::<Material>(m))));
+            resources.extend(given.clone());
             let group = groups.next(&self.build_layout, &resources);
             pass.push_debug_group(&format!("level {level}"));
             pass.set_bind_group(0, &group.raw, &group.offsets);
@@ -481,7 +495,7 @@ impl ShellSplatter {
     /// What [`SplatSettings::validate`] and [`PixelList::validate`] find; [`Error::Mismatch`] where the frame has another origin
     /// than the cloud, the view another size than the frame or the work's sub-image, or fewer levels than the settings, and where
     /// the clusters were last recorded with other settings (but for the seed); [`Error::Recording`] where they were not recorded
-    /// from this cloud, since that was; [`Error::Buffer`] for a missing material table.
+    /// from this cloud, since that was; [`Error::Buffer`] for a material table or radiance that is missing or too small.
     pub fn record(
         &self,
         device: &Device,
@@ -496,15 +510,13 @@ impl ShellSplatter {
         let viewport = frame.viewport();
         input.clusters.check(input.cloud, settings)?;
         frame.check_origin(input.cloud.origin())?;
-        let materials = self.check_materials(device, input.materials)?;
+        let given = self.check_given(device, input.cloud, input.materials, input.radiance)?;
         if let Some(work) = &input.work {
             work.check(device, viewport)?;
         }
         let sub_image = input.work.as_ref().map_or(0, |work| work.level);
         let size = level_size([viewport.width, viewport.height], sub_image);
-        if view.size() != size
-            || view.levels < settings.levels
-            || view.format != self.effect.sum_format()
+        if view.size() != size || view.levels < settings.levels || view.planes != self.effect.sums()
         {
             return Err(Error::Mismatch {
                 name: "SplatView",
@@ -512,12 +524,12 @@ impl ShellSplatter {
                     "{:?} pixels, {} levels, {:?}",
                     view.size(),
                     view.levels,
-                    view.format
+                    view.planes
                 ),
                 needed: format!(
                     "{size:?} pixels, {} levels, {:?}",
                     settings.levels,
-                    self.effect.sum_format()
+                    self.effect.sums()
                 ),
             });
         }
@@ -561,7 +573,7 @@ impl ShellSplatter {
                 ("receivers", binding::view(&receivers.view)),
                 ("sums", binding::view(&view.sums)),
             ];
-            resources.extend(materials.map(|m| ("materials", binding::table::<Material>(m))));
+            resources.extend(given.clone());
             if let Some(statistics) = &view.statistics {
                 resources.push(("statistics", whole(statistics)));
             }
@@ -573,22 +585,34 @@ impl ShellSplatter {
         Ok(())
     }
 
-    fn check_materials<'m>(
+    /// What the effect is given besides surfels.
+    fn check_given<'m>(
         &self,
         device: &Device,
+        cloud: &SurfelCloud,
         materials: Option<&'m Buffer>,
-    ) -> Result<Option<&'m Buffer>, Error> {
+        radiance: Option<&'m Buffer>,
+    ) -> Result<Vec<Named<'m>>, Error> {
         const MATERIALS: &str = "materials";
-        if !self.effect.materials {
-            return Ok(None);
-        }
-        let buffer = materials.ok_or_else(|| Error::Buffer {
-            name: MATERIALS,
+        const RADIANCE: &str = "radiance";
+        let missing = |name, needed: &str| Error::Buffer {
+            name,
             found: "not been given".into(),
-            needed: "a table of materials, since the effect reads them".into(),
-        })?;
-        binding::check_table::<Material>(device, MATERIALS, buffer)?;
-        Ok(Some(buffer))
+            needed: format!("{needed}, since the effect reads them"),
+        };
+        let mut given = Vec::new();
+        if self.effect.materials {
+            let buffer = materials.ok_or_else(|| missing(MATERIALS, "a table of materials"))?;
+            binding::check_table::<Material>(device, MATERIALS, buffer)?;
+            given.push((MATERIALS, binding::table::<Material>(buffer)));
+        }
+        if self.effect.radiance {
+            let buffer = radiance.ok_or_else(|| missing(RADIANCE, "radiances of surfels"))?;
+            let bytes = radiance_bytes(cloud);
+            binding::check_first(device, RADIANCE, buffer, bytes)?;
+            given.push((RADIANCE, binding::first(buffer, bytes)));
+        }
+        Ok(given)
     }
 }
 

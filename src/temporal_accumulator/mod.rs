@@ -17,6 +17,7 @@ use crate::{
     error::{Error, check_setting},
     gbuffer::samples_as_float,
     gpu::compiler::Compiler,
+    gpu::listing::name_of,
     gpu::{
         Kernel, Timestamps,
         binding::{Kept, Layout, view, whole},
@@ -614,7 +615,10 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
         ("temporal_accumulator claim", TemporalVariant::Claim),
         ("temporal_accumulator show", TemporalVariant::Show),
     ] {
-        all.add(name, source(all.effect.channels, variant)?);
+        for channels in [Channels::One, Channels::Three] {
+            let name = name_of(name, &[(channels == Channels::Three, "color")]);
+            all.add(&name, source(channels, variant)?);
+        }
     }
     Ok(())
 }

@@ -72,11 +72,7 @@ fn cloud_of(gpu: &Gpu, shot: &Shot, settings: &SurfelizerSettings) -> Cloud {
         .zip(&sources)
         .map(|(surfel, source)| Disk {
             position: DVec3::from(surfel.position.map(f64::from)),
-            sender: Sender {
-                radius: f64::from(surfel.radius),
-                normal: unpack_normal(source.normal),
-                emission: DVec3::ZERO,
-            },
+            sender: Sender::new(f64::from(surfel.radius), unpack_normal(source.normal)),
         })
         .collect();
     Cloud { cloud, disks }

@@ -3,11 +3,13 @@
 mod bounced_disks;
 mod bounced_z_buffer;
 mod camera;
+mod diffuse_bounce;
 mod ggx;
 mod glossy;
 mod hit_resolver;
 mod hull_surfels;
 mod instanced_bvh;
+mod joined_effects;
 mod joined_hits;
 mod lit_hits;
 mod multi_res_mask;

@@ -7,7 +7,7 @@
 #![allow(clippy::float_cmp)]
 
 use deep_screen_space::{
-    AmbientOcclusion, Camera, Channels, Effect, Frame, GBuffer, Reconstructor, ReconstructorInput,
+    AmbientOcclusion, Camera, Effect, Frame, GBuffer, Reconstructor, ReconstructorInput,
     ReconstructorSettings, ReconstructorView, SplatView, Viewport,
     glam::{DVec3, dcamera::rh::proj::directx as right},
     reference::reconstructor::{Reconstruction, Sum},
@@ -33,7 +33,7 @@ fn contribution(sender: Sender, receiver_normal: vec3f, to_sender: vec3f, distan
   {contribution}
 }}"
     );
-    effect(&source, Channels::One, false)
+    effect(&source, 1, false)
 }
 
 /// About 1 a pixel and level of 4, different from sub-buffer to sub-buffer, and with the normal.
@@ -450,7 +450,7 @@ fn resolve(sum: vec3f, albedo: vec3f) -> vec4f {{
   return vec4f(sum * albedo, 1.0);
 }}"
     );
-    let light = effect(&source, Channels::Three, true);
+    let light = effect(&source, 3, true);
     let viewport = Viewport {
         x: 3,
         y: 5,

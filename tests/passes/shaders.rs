@@ -8,15 +8,20 @@ use std::{
 };
 
 use deep_screen_space::{
-    AmbientOcclusion, Channels, Effect, Error, Overlap, Shader, shaders, wgpu::Features,
+    AmbientOcclusion, DiffuseBounce, Effect, Error, Overlap, Shader, shaders, wgpu::Features,
 };
 use naga::valid::{Capabilities, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator};
 
 /// An effect that uses everything an effect can.
 fn everything() -> Effect {
     Effect {
-        label: "everything".into(),
-        source: "
+        channels: 3,
+        materials: true,
+        albedo: true,
+        two_sided: true,
+        ..Effect::new(
+            "everything",
+            "
 fn max_distance(sender: Sender, epsilon: f32) -> f32 {
   return sender.radius / epsilon;
 }
@@ -26,15 +31,20 @@ fn contribution(sender: Sender, receiver_normal: vec3f, to_sender: vec3f, distan
 fn resolve(sum: vec3f, albedo: vec3f) -> vec4f {
   return vec4f(sum * albedo, 1.0);
 }
-"
-        .into(),
-        channels: Channels::Three,
-        materials: true,
-        albedo: true,
-        two_sided: true,
-        own_surface: false,
-        constants: Vec::new(),
+",
+        )
     }
+}
+
+/// Eight channels of three effects in one, which read all that surfels send.
+fn all_channels() -> Effect {
+    let bounce = DiffuseBounce::default().effect().expect("a unit");
+    let occlusion = AmbientOcclusion::default().effect();
+    let joined = everything()
+        .and(&bounce)
+        .and_then(|both| both.and(&occlusion));
+    let joined = joined.and_then(|all| all.and(&occlusion));
+    joined.expect("eight channels")
 }
 
 /// Those that do not follow the effect stand once.
@@ -50,6 +60,7 @@ fn variants() -> Vec<Shader> {
         }
         .effect(),
         everything(),
+        all_channels(),
     ] {
         for shader in shaders(&effect).expect("well-formed directives") {
             if !sources.insert(shader.source.clone()) {

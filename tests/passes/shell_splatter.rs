@@ -1,203 +1,23 @@
 //! The `ShellSplatter`: GPU against the f64 mirror, against closed forms, and at the extremes.
 
 use deep_screen_space::{
-    AmbientOcclusion, Camera, Channels, CloudCapacity, ClusterInput, Effect, Error, Geometry,
-    Material, Overlap, Placement, Sampling, ShellSplatter, ShellSplatterDescriptor, SplatInput,
-    SplatSettings, SplatView, Surfel, SurfelCounts, SurfelSource, Surfelizer, SurfelizerInput,
-    SurfelizerSettings, Viewport,
+    AmbientOcclusion, Camera, ClusterInput, Effect, Error, Geometry, Material, Overlap, Placement,
+    Sampling, ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatSettings, SurfelCounts,
+    SurfelizerInput, SurfelizerSettings, Viewport,
     glam::DVec3,
     reference::{
         directions,
         effects::{self, Sender},
         hashing,
-        packing::unpack_normal,
-        shell_splatter::{Disk, Receiver, splat, surface_normals},
+        shell_splatter::{splat, surface_normals},
     },
     scenes::{self, Part, Scene},
-    wgpu,
 };
 use support::testing::frames::Decoded;
 use support::testing::pipelines;
 use support::testing::shot::{Shot, camera_of};
+use support::testing::splats::{Options, Passes, Run, run, splat_settings};
 use support::{gpu::Gpu, raster::perspective, scene::SceneBuffers};
-
-/// What a run leaves.
-struct Run {
-    decoded: Decoded<'static>,
-    view: SplatView,
-    counts: SurfelCounts,
-    surfels: Vec<Surfel>,
-    sources: Vec<SurfelSource>,
-}
-
-struct Options {
-    surfelizer: SurfelizerSettings,
-    splat: SplatSettings,
-    capacity: CloudCapacity,
-    materials: Option<Vec<Material>>,
-}
-
-impl Options {
-    fn new(splat: SplatSettings) -> Self {
-        Self {
-            surfelizer: SurfelizerSettings {
-                radius_pixels: 2.0,
-                ..SurfelizerSettings::default()
-            },
-            splat,
-            capacity: CloudCapacity {
-                surfels: 1 << 16,
-                pieces: 1 << 16,
-                triangles: 1 << 16,
-            },
-            materials: None,
-        }
-    }
-}
-
-/// Pipelines, which take longer to compile than most tests to run.
-struct Passes {
-    surfelizer: &'static Surfelizer,
-    splatter: &'static ShellSplatter,
-}
-
-impl Passes {
-    fn new(effect: &Effect, subgroups: bool) -> Self {
-        Self {
-            surfelizer: pipelines::surfelizer(),
-            splatter: pipelines::shell_splatter(effect, subgroups),
-        }
-    }
-}
-
-fn run(gpu: &Gpu, shot: &Shot, passes: &Passes, options: &Options) -> Run {
-    let device = &gpu.device;
-    let Passes {
-        surfelizer,
-        splatter,
-    } = passes;
-    let viewport = shot.camera.viewport();
-    let levels = options.splat.levels;
-    let mut cloud = surfelizer
-        .create_cloud(device, options.capacity)
-        .expect("a cloud");
-    let mut clusters = splatter
-        .create_clusters(device, &cloud, levels)
-        .expect("clusters");
-    let view = splatter
-        .create_view(device, viewport.width, viewport.height, levels)
-        .expect("a view");
-    let materials = options
-        .materials
-        .as_ref()
-        .map(|m| gpu.buffer(m, wgpu::BufferUsages::STORAGE));
-    let mut encoder = gpu.encoder();
-    surfelizer
-        .record(
-            device,
-            &mut encoder,
-            &SurfelizerInput::new(
-                Geometry {
-                    meshes: &shot.buffers.meshes(),
-                },
-                &shot.camera,
-            ),
-            &options.surfelizer,
-            &mut cloud,
-        )
-        .expect("surfels");
-    splatter
-        .record_clusters(
-            device,
-            &mut encoder,
-            &ClusterInput {
-                cloud: &cloud,
-                materials: materials.as_ref(),
-                timestamps: None,
-            },
-            &options.splat,
-            &mut clusters,
-        )
-        .expect("clusters");
-    let mut decoded = Decoded::of(&shot.camera);
-    let frame = decoded.frame(&mut encoder, shot.gbuffer(), &shot.camera, cloud.origin());
-    splatter
-        .record(
-            device,
-            &mut encoder,
-            &SplatInput {
-                materials: materials.as_ref(),
-                ..SplatInput::new(&frame, &cloud, &clusters)
-            },
-            &options.splat,
-            &view,
-        )
-        .expect("sums");
-    gpu.finish(encoder);
-    let counts: SurfelCounts = gpu.read_buffer(cloud.counters())[0];
-    let stored = counts.stored as usize;
-    Run {
-        decoded,
-        view,
-        counts,
-        surfels: gpu.read_buffer(cloud.surfels())[..stored].to_vec(),
-        sources: gpu.read_buffer(cloud.sources())[..stored].to_vec(),
-    }
-}
-
-impl Run {
-    fn disks(&self, materials: Option<&[Material]>) -> Vec<Disk> {
-        self.surfels
-            .iter()
-            .zip(&self.sources)
-            .map(|(surfel, source)| Disk {
-                position: DVec3::from(surfel.position.map(f64::from)),
-                sender: Sender {
-                    radius: f64::from(surfel.radius),
-                    normal: unpack_normal(source.normal),
-                    emission: materials.map_or(DVec3::ZERO, |m| {
-                        DVec3::from(m[source.material as usize].emission.map(f64::from))
-                    }),
-                },
-            })
-            .collect()
-    }
-
-    fn receivers(&self, gpu: &Gpu) -> Vec<Option<Receiver>> {
-        let texels: Vec<[u32; 4]> = gpu.read_texture(self.decoded.receivers.view().texture(), 0);
-        texels
-            .iter()
-            .map(|&[x, y, z, n]| {
-                (n != 0x8000_8000).then(|| Receiver {
-                    position: DVec3::from([x, y, z].map(|b| f64::from(f32::from_bits(b)))),
-                    normal: unpack_normal(n),
-                })
-            })
-            .collect()
-    }
-
-    fn sums(&self, gpu: &Gpu, level: u32) -> Vec<f32> {
-        gpu.read_texture(self.view.sums().texture(), level)
-    }
-
-    fn total(&self, gpu: &Gpu, levels: u32) -> Vec<f32> {
-        let mut total = self.sums(gpu, 0);
-        for level in 1..levels {
-            for (t, s) in total.iter_mut().zip(self.sums(gpu, level)) {
-                *t += s;
-            }
-        }
-        total
-    }
-}
-
-fn splat_settings(levels: u32, epsilon: f32) -> SplatSettings {
-    SplatSettings {
-        levels,
-        epsilon,
-        ..SplatSettings::default()
-    }
-}
 
 /// Largest error of a sum, relative to 1 where sums are small: f32 rounding of positions (1e-7 of the distance from
 /// the eye, over a surfel's distance of a few pixels, 1e-2 of it) makes 1e-5 of a contribution near 1, and a few add up.
@@ -208,7 +28,7 @@ const EXCEPTIONS: f64 = 1e-3;
 
 /// Compares all levels with the mirror; returns the share of pixels beyond TOLERANCE, unexplained ones being an error.
 fn compare(gpu: &Gpu, run: &Run, effect: AmbientOcclusion, settings: &SplatSettings, name: &str) {
-    let disks = run.disks(None);
+    let disks = run.disks();
     let receivers = run.receivers(gpu);
     let size = run.view.size();
     let mut total_error = vec![0.0_f64; receivers.len()];
@@ -612,8 +432,12 @@ fn converges_to_the_sum_over_all_surfels() {
 /// An engine's own effect: light from emitting materials, three channels.
 fn emission_effect() -> Effect {
     Effect {
-        label: "emission".into(),
-        source: "
+        channels: 3,
+        materials: true,
+        constants: vec![("GAIN".into(), 2.0)],
+        ..Effect::new(
+            "emission",
+            "
 override GAIN: f32 = 1.0;
 fn max_distance(sender: Sender, epsilon: f32) -> f32 {
   let brightest = max_component(sender.material.emission) * GAIN;
@@ -629,14 +453,8 @@ fn contribution(sender: Sender, receiver_normal: vec3f, to_sender: vec3f, distan
 fn resolve(sum: vec3f, albedo: vec3f) -> vec4f {
   return vec4f(sum * albedo, 1.0);
 }
-"
-        .into(),
-        channels: Channels::Three,
-        materials: true,
-        albedo: false,
-        two_sided: false,
-        own_surface: false,
-        constants: vec![("GAIN".into(), 2.0)],
+",
+        )
     }
 }
 
@@ -708,7 +526,7 @@ fn an_effect_of_ones_own_reads_materials() {
     for subgroups in variants(gpu) {
         let passes = Passes::new(&emission_effect(), subgroups);
         let run = run(gpu, &shot, &passes, &options);
-        let disks = run.disks(Some(&materials));
+        let disks = run.disks_of(&options);
         let receivers = run.receivers(gpu);
         for level in 0..3 {
             let mirror = splat(
@@ -1036,6 +854,7 @@ fn two_views_share_a_cloud() {
             counts,
             surfels: gpu.read_buffer(cloud.surfels())[..stored].to_vec(),
             sources: gpu.read_buffer(cloud.sources())[..stored].to_vec(),
+            origin: cloud.origin(),
         };
         compare(gpu, &run, AmbientOcclusion::default(), &settings, name);
         assert!(

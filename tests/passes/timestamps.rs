@@ -149,9 +149,8 @@ fn recordings_from_surfels_write_their_times() {
         )
         .expect("light");
     let input = ClusterInput {
-        cloud: &cloud,
-        materials: None,
         timestamps: Some(times.stamps(1)),
+        ..ClusterInput::new(&cloud)
     };
     splatter
         .record_clusters(device, &mut encoder, &input, &settings, &mut clusters)

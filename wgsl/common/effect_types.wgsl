@@ -1,8 +1,9 @@
-// What an effect's code (src/effect.rs) is written against.
+// What an effect's code (src/effect) is written against.
 
 #if MATERIAL
 #import material
 #endif
+#import sums
 
 // What an effect knows of a surfel.
 struct Sender {
@@ -11,10 +12,9 @@ struct Sender {
 #if MATERIAL
   material: Material,
 #endif
-}
-
-#if COLOR
-alias Sum = vec3f;
-#else
-alias Sum = f32;
+#if RADIANCE
+  // What it sends from each side; nothing from the back for effects that have one side alone.
+  front: vec3f,
+  back: vec3f,
 #endif
+}

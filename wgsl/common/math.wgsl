@@ -10,6 +10,10 @@ fn is_finite3(v: vec3f) -> bool {
   return is_finite(v.x) && is_finite(v.y) && is_finite(v.z);
 }
 
+fn is_finite4(v: vec4f) -> bool {
+  return is_finite3(v.xyz) && is_finite(v.w);
+}
+
 fn max_component(v: vec3f) -> f32 {
   return max(v.x, max(v.y, v.z));
 }

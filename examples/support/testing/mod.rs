@@ -8,3 +8,4 @@ pub mod pipelines;
 pub mod rays;
 pub mod refusals;
 pub mod shot;
+pub mod splats;

@@ -2,9 +2,9 @@
 
 use crate::testing::{frames::Decoded, pipelines};
 use deep_screen_space::{
-    Camera, Channels, CloudCapacity, ClusterInput, Effect, Error, GBuffer, Geometry, Mesh,
-    PositionFormat, ShellSplatter, SplatInput, SplatSettings, SplatView, SurfelCloud,
-    SurfelClusters, Surfelizer, SurfelizerInput, SurfelizerSettings, Vertices,
+    Camera, CloudCapacity, ClusterInput, Effect, Error, GBuffer, Geometry, Mesh, PositionFormat,
+    ShellSplatter, SplatInput, SplatSettings, SplatView, SurfelCloud, SurfelClusters, Surfelizer,
+    SurfelizerInput, SurfelizerSettings, Vertices,
     glam::DVec3,
     reference::{packing::unpack_normal, shell_splatter::Receiver},
     wgpu::{self, BufferUsages},
@@ -13,16 +13,12 @@ use deep_screen_space::{
 use crate::gpu::Gpu;
 
 /// An effect of a test's own.
-pub fn effect(source: &str, channels: Channels, albedo: bool) -> Effect {
+pub fn effect(source: &str, channels: u32, albedo: bool) -> Effect {
     Effect {
-        label: "test".into(),
-        source: source.to_owned().into(),
         channels,
-        materials: false,
         albedo,
         two_sided: true,
-        own_surface: false,
-        constants: Vec::new(),
+        ..Effect::new("test", source.to_owned())
     }
 }
 

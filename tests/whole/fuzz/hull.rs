@@ -228,7 +228,8 @@ fn bind(
             let effect = AmbientOcclusion::default().effect();
             let splatter = splats::splatter(case, &effect)?;
             let materials = inputs::materials(case);
-            let clusters = splats::clusters(case, &splatter, &surfels, &settings, &materials)?;
+            let clusters =
+                splats::clusters(case, &splatter, &surfels, &settings, (&materials, None))?;
             let radiance = surfels::radiance(case, &surfels.cloud, camera, None)?;
             let light = SurfelLight {
                 cloud: &surfels.cloud,

@@ -1,10 +1,10 @@
 //! Surfels splatted and reconstructed, on whole images and listed pixels.
 
 use deep_screen_space::{
-    AmbientOcclusion, Channels, ClusterInput, Effect, Overlap, Placement, Reconstructor,
+    AmbientOcclusion, ClusterInput, DiffuseBounce, Effect, Overlap, Placement, Reconstructor,
     ReconstructorInput, ReconstructorSettings, ShellSplatter, ShellSplatterDescriptor, SplatInput,
     SplatSettings, SurfelClusters, Viewport,
-    wgpu::{Features, TextureUsages},
+    wgpu::{Buffer, Features, TextureUsages},
 };
 
 use super::{
@@ -32,16 +32,13 @@ fn resolve(sum: vec3f, albedo: vec3f) -> vec4f {
 
 /// Effects that pipelines are made for.
 fn effect(case: &mut Case<'_>) -> Effect {
-    match case.usual("effect", &[0, 1, 2, 2]) {
+    match case.usual("effect", &[0, 1, 2, 3]) {
         0 => Effect {
-            label: "color".into(),
-            source: COLOR.into(),
-            channels: Channels::Three,
+            channels: 3,
             materials: true,
             albedo: true,
             two_sided: true,
-            own_surface: false,
-            constants: Vec::new(),
+            ..Effect::new("color", COLOR)
         },
         1 => AmbientOcclusion {
             two_sided: true,
@@ -49,8 +46,20 @@ fn effect(case: &mut Case<'_>) -> Effect {
             own_surface: true,
         }
         .effect(),
-        _ => AmbientOcclusion::default().effect(),
+        2 => AmbientOcclusion::default().effect(),
+        _ => light_and_occlusion(),
     }
+}
+
+/// Of two outputs, the first of which reads radiance and albedo.
+fn light_and_occlusion() -> Effect {
+    let bounce = DiffuseBounce {
+        two_sided: true,
+        unit: 3.0,
+    };
+    let light = bounce.effect().expect("a unit");
+    let both = light.and(&AmbientOcclusion::default().effect());
+    both.expect("four channels")
 }
 
 pub fn settings(case: &mut Case<'_>) -> SplatSettings {
@@ -71,7 +80,7 @@ pub fn clusters(
     splatter: &ShellSplatter,
     surfels: &Surfels,
     settings: &SplatSettings,
-    materials: &deep_screen_space::wgpu::Buffer,
+    (materials, radiance): (&Buffer, Option<&Buffer>),
 ) -> Option<SurfelClusters> {
     let levels = settings.levels.max(case.random.count(1, 8));
     let cloud = &surfels.cloud;
@@ -80,6 +89,7 @@ pub fn clusters(
     let input = ClusterInput {
         cloud,
         materials: Some(materials),
+        radiance,
         timestamps: case.timestamps(),
     };
     let done = splatter.record_clusters(
@@ -123,14 +133,17 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let placements = [Placement::Centroid, Placement::Random, Placement::Grid];
     let surfels = surfels::record(case, &camera, &placements)?;
     let cloud = &surfels.cloud;
-    if case.random.chance(0.4) {
-        surfels::radiance(case, cloud, &camera, None);
-    }
     let effect = effect(case);
+    let radiance = if effect.radiance || case.random.chance(0.3) {
+        surfels::radiance(case, cloud, &camera, None)
+    } else {
+        None
+    };
     let splatter = splatter(case, &effect)?;
     let materials = inputs::materials(case);
     let settings = settings(case);
-    let clusters = clusters(case, &splatter, &surfels, &settings, &materials)?;
+    let given = (&materials, radiance.as_ref());
+    let clusters = clusters(case, &splatter, &surfels, &settings, given)?;
     // Another eye, not far off.
     let camera = if case.random.chance(0.2) {
         inputs::camera_at(case, viewport, camera.eye())
@@ -155,6 +168,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         cloud,
         clusters: &clusters,
         materials: Some(&materials),
+        radiance: radiance.as_ref(),
         work,
         timestamps: case.timestamps(),
     };
@@ -175,7 +189,9 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         Some(_) => Viewport::full(width, height),
         None => viewport,
     };
-    let target = inputs::target(case, format, written, TextureUsages::RENDER_ATTACHMENT);
+    let mut target = || inputs::target(case, format, written, TextureUsages::RENDER_ATTACHMENT);
+    let targets: Vec<_> = effect.outputs.iter().map(|_| target()).collect();
+    let slices: Vec<_> = targets.iter().map(|target| target.slice()).collect();
     let settings = ReconstructorSettings {
         radius: case.random.setting(0.0, 8.0),
         plane_distance: case.random.scale(f32::MIN_POSITIVE, f32::MAX),
@@ -185,11 +201,14 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let input = ReconstructorInput {
         frame: &frame,
         sums: &sums,
-        target: target.slice(),
+        target: slices[0],
+        further: &slices[1..],
         timestamps: case.timestamps(),
     };
     let done = reconstructor.record(device, &mut case.encoder, &input, &settings, &scratch);
     case.accept(done)?;
-    case.texture("splatted", &target.texture);
+    for target in &targets {
+        case.texture("splatted", &target.texture);
+    }
     Some(())
 }

@@ -1,0 +1,316 @@
+//! A bounce of diffuse light by splatting: the GPU against the f64 mirror, and the picture against traced rays.
+
+use deep_screen_space::{
+    Camera, CloudCapacity, ClusterInput, DiffuseBounce, Error, Geometry, ShellSplatter,
+    ShellSplatterDescriptor, SplatSettings, SurfelRadiance, SurfelizerInput, SurfelizerSettings,
+    Viewport,
+    glam::DVec3,
+    scenes::{self, Material, Part, Scene},
+    wgpu::BufferUsages,
+};
+use support::{
+    ambient_occlusion::Renderer,
+    presets,
+    raster::{Raster, perspective},
+    testing::{
+        pipelines,
+        shot::{Shot, camera_of},
+        splats::{Options, Passes, run, splat_settings},
+    },
+};
+
+/// Different for each surfel: a third are black, and another third's backs alone send anything.
+fn radiances(count: u32) -> Vec<SurfelRadiance> {
+    let color = |i: u32| [17, 29, 43].map(|k| (i * k % 64) as f32 / 32.0);
+    let of = |i: u32| SurfelRadiance {
+        front: if i % 3 == 0 { color(i) } else { [0.0; 3] },
+        back: if i % 3 == 2 { [0.0; 3] } else { color(i + 7) },
+        ..SurfelRadiance::default()
+    };
+    (0..count).map(of).collect()
+}
+
+fn options(splat: SplatSettings, of: impl Fn(u32) -> Vec<SurfelRadiance>) -> Options {
+    let mut options = Options::new(splat);
+    options.radiance = Some(of(options.capacity.surfels));
+    options
+}
+
+#[test]
+fn sums_match_the_mirror() {
+    let gpu = pipelines::gpu();
+    for (name, size, settings, two_sided, unit) in [
+        ("cornell", [40, 30], splat_settings(3, 0.02), false, 1.0),
+        (
+            "dominoes",
+            [31, 33],
+            SplatSettings {
+                unbounded: false,
+                radius: 0.8,
+                ..splat_settings(2, 0.05)
+            },
+            true,
+            4.0,
+        ),
+    ] {
+        let scene = scenes::by_name(name).expect("a scene");
+        let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, size));
+        let effect = DiffuseBounce { two_sided, unit };
+        let passes = Passes::new(&effect.effect().expect("a unit"), false);
+        let mut options = options(settings, radiances);
+        if !two_sided {
+            for radiance in options.radiance.iter_mut().flatten() {
+                radiance.back = [0.0; 3];
+            }
+        }
+        let run = run(gpu, &shot, &passes, &options);
+        assert_eq!(run.counts.overflow(), 0, "{name}");
+        let channels = |sum: DVec3| sum.to_array().to_vec();
+        run.compare(gpu, (&effect, &options), channels, name);
+        assert!(
+            run.channels(gpu, 0, 3)[0].iter().any(|v| *v > 0.05),
+            "{name} is dark"
+        );
+    }
+}
+
+/// Pairs of surfels and pixels that were evaluated, with these radiances.
+fn evaluated(settings: SplatSettings, of: impl Fn(u32) -> Vec<SurfelRadiance>) -> u32 {
+    let gpu = pipelines::gpu();
+    let effect = DiffuseBounce::default().effect().expect("a unit");
+    let counting = pipelines::once(&"counting light", |gpu| {
+        let descriptor = ShellSplatterDescriptor {
+            effect: &effect,
+            subgroups: false,
+            statistics: true,
+        };
+        ShellSplatter::new(&gpu.device, &descriptor).expect("pipelines")
+    });
+    let passes = Passes {
+        surfelizer: pipelines::surfelizer(),
+        splatter: counting,
+    };
+    let scene = scenes::by_name("cornell").expect("a scene");
+    let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, [24, 16]));
+    let run = run(gpu, &shot, &passes, &options(settings, of));
+    let counts: Vec<u32> = gpu.read_buffer(run.view.statistics().expect("counts"));
+    counts.iter().step_by(4).sum()
+}
+
+#[test]
+fn black_surfels_cost_nothing() {
+    let settings = splat_settings(3, 0.02);
+    let black = |count| vec![SurfelRadiance::default(); count as usize];
+    let every_64th = |count| {
+        let mut all = black(count);
+        for radiance in all.iter_mut().step_by(64) {
+            radiance.front = [1.0; 3];
+        }
+        all
+    };
+    let all = |count: u32| {
+        let radiance = SurfelRadiance {
+            front: [1.0; 3],
+            ..SurfelRadiance::default()
+        };
+        vec![radiance; count as usize]
+    };
+    assert_eq!(evaluated(settings, black), 0);
+    let [few, many] = [evaluated(settings, every_64th), evaluated(settings, all)];
+    println!("{few} and {many} pairs");
+    assert!(few > 0 && 16 * few < many, "{few} and {many} pairs");
+}
+
+/// Dark and bright beyond all measure, in any unit: numbers all the same.
+#[test]
+fn extremes_are_finite() {
+    let gpu = pipelines::gpu();
+    let scene = scenes::by_name("fence").expect("a scene");
+    let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, [16, 16]));
+    for (bright, unit, epsilon) in [
+        (1e18, 1e-18, 1e-12),
+        (1e18, 1e18, 1e6),
+        (1e-18, 1.0, 0.01),
+        (f32::NAN, 1.0, 0.01),
+        (-1.0, 1.0, 0.01),
+    ] {
+        let effect = DiffuseBounce {
+            two_sided: true,
+            unit,
+        };
+        let passes = Passes::new(&effect.effect().expect("a unit"), false);
+        let radiance = SurfelRadiance {
+            front: [bright; 3],
+            back: [bright; 3],
+            ..SurfelRadiance::default()
+        };
+        let all = |count: u32| vec![radiance; count as usize];
+        let run = run(
+            gpu,
+            &shot,
+            &passes,
+            &options(splat_settings(2, epsilon), all),
+        );
+        for level in 0..2 {
+            for sum in run.channels(gpu, level, 3).concat() {
+                assert!(sum.is_finite() && sum >= 0.0, "{bright}, {unit}: {sum}");
+                assert!(bright > 0.0 || sum == 0.0, "{bright}, {unit}: {sum}");
+            }
+        }
+    }
+}
+
+/// A floor, and a wall across it that glows: nothing hides behind anything else, so that sums are right.
+fn floor_and_wall() -> Scene {
+    let quad = |[a, b, c, d]: [[f32; 3]; 4]| [a, b, c, a, c, d];
+    let floor = [
+        [-2.0, 0.0, 2.0],
+        [2.0, 0.0, 2.0],
+        [2.0, 0.0, -2.0],
+        [-2.0, 0.0, -2.0],
+    ];
+    let wall = [
+        [-1.5, 0.0, 0.0],
+        [1.5, 0.0, 0.0],
+        [1.5, 1.5, 0.0],
+        [-1.5, 1.5, 0.0],
+    ];
+    let of = |emission, albedo| Material {
+        albedo,
+        emission,
+        double_sided: false,
+    };
+    let part = |material: u32| Part {
+        first_index: 6 * material,
+        index_count: 6,
+        material,
+    };
+    Scene {
+        name: "floor and wall",
+        positions: [quad(floor), quad(wall)].concat(),
+        normals: [[[0.0, 1.0, 0.0]; 6], [[0.0, 0.0, 1.0]; 6]].concat(),
+        indices: (0..12).collect(),
+        parts: vec![part(0), part(1)],
+        materials: vec![of([0.0; 3], [0.7, 0.6, 0.5]), of([6.0, 4.0, 2.0], [0.5; 3])],
+        ..scenes::cornell()
+    }
+}
+
+/// Where nothing is hidden the picture is the truth, but for what surfels as large as two pixels are off by next to the wall.
+#[test]
+fn what_nothing_hides_is_the_truth() {
+    let gpu = pipelines::gpu();
+    let scene = floor_and_wall();
+    let size = [48, 32];
+    let camera = Camera::look_at(
+        DVec3::new(0.7, 1.3, 3.0),
+        DVec3::new(0.0, 0.5, 0.0),
+        DVec3::Y,
+        perspective(60.0, 1.5, 0.1),
+        Viewport::full(size[0], size[1]),
+    )
+    .expect("a camera");
+    let shot = Shot::new(gpu, &scene, &camera);
+    // The truth is of the very same pixels.
+    let seen = Raster {
+        depth: shot.depth.clone(),
+        normal: shot.normal.clone(),
+        albedo: shot.albedo.clone(),
+    };
+    let capacity = CloudCapacity {
+        surfels: 1 << 15,
+        pieces: 1 << 14,
+        triangles: 4,
+    };
+    let preset = presets::preset("balanced", f32::INFINITY).expect("a preset");
+    let effect = DiffuseBounce::default().effect().expect("a unit");
+    let renderer = Renderer::of(gpu, &effect, capacity, size, preset.splat.levels, false);
+    let mut renderer = renderer.expect("within limits");
+    let rendered = renderer
+        .render_lit(gpu, &seen, &shot.buffers, &camera, &[], &preset)
+        .expect("valid settings");
+    assert_eq!(rendered.counts.overflow(), 0);
+
+    let materials = scene.triangle_materials();
+    let receivers: Vec<_> = shot.pixels.iter().map(|p| p.map(|p| p.receiver)).collect();
+    let truth = shot
+        .tracer
+        .one_bounce_image(&receivers, &materials, &[], 64, 1, false);
+    let (mut square, mut mean, mut bias, mut count) = (0.0, 0.0, 0.0, 0.0);
+    for ((found, truth), pixel) in rendered.pictures[0].iter().zip(&truth).zip(&shot.pixels) {
+        let (Some(truth), Some(pixel)) = (truth, pixel) else {
+            continue;
+        };
+        let albedo = DVec3::from(materials[pixel.triangle].albedo.map(f64::from));
+        let found = DVec3::new(found[0].into(), found[1].into(), found[2].into());
+        let error = found - truth.mean * albedo;
+        square += error.length_squared() - (truth.standard_error * albedo).length_squared();
+        bias += error.element_sum();
+        mean += (truth.mean * albedo).element_sum();
+        count += 3.0;
+    }
+    let [error, bias] = [f64::sqrt(square / count) / (mean / count), bias / mean];
+    println!("{error:.3} of the mean, bias {bias:+.3}");
+    assert!(
+        error < 0.15 && bias.abs() < 0.05,
+        "{error} of the mean, bias {bias}"
+    );
+}
+
+#[test]
+fn bad_input_is_a_typed_error() {
+    let gpu = pipelines::gpu();
+    for unit in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+        let bounce = DiffuseBounce {
+            unit,
+            ..DiffuseBounce::default()
+        };
+        let error = bounce.effect().expect_err("a unit that is none");
+        assert!(
+            matches!(
+                error,
+                Error::Setting {
+                    field: "DiffuseBounce::unit",
+                    ..
+                }
+            ),
+            "{error}"
+        );
+    }
+    let effect = DiffuseBounce::default().effect().expect("a unit");
+    let splatter = pipelines::shell_splatter(&effect, false);
+    let device = &gpu.device;
+    let settings = splat_settings(1, 0.1);
+    let scene = scenes::by_name("fence").expect("a scene");
+    let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, [8, 8]));
+    let capacity = Options::new(settings).capacity;
+    let surfelizer = pipelines::surfelizer();
+    let mut cloud = surfelizer.create_cloud(device, capacity).expect("a cloud");
+    let mut encoder = gpu.encoder();
+    let meshes = shot.buffers.meshes();
+    let input = SurfelizerInput::new(Geometry { meshes: &meshes }, &shot.camera);
+    surfelizer
+        .record(
+            device,
+            &mut encoder,
+            &input,
+            &SurfelizerSettings::default(),
+            &mut cloud,
+        )
+        .expect("surfels");
+    let clusters = splatter.create_clusters(device, &cloud, 1);
+    let mut clusters = clusters.expect("clusters");
+    let small = gpu.buffer(&radiances(8), BufferUsages::STORAGE);
+    for (radiance, found) in [(None, "not been given"), (Some(&small), "256")] {
+        let input = ClusterInput {
+            radiance,
+            ..ClusterInput::new(&cloud)
+        };
+        let done = splatter.record_clusters(device, &mut encoder, &input, &settings, &mut clusters);
+        let error = done.expect_err("no radiance").to_string();
+        assert!(
+            error.contains("radiance") && error.contains(found),
+            "{error}"
+        );
+    }
+}
