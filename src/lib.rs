@@ -94,6 +94,7 @@ mod camera;
 mod depth_moments;
 mod effect;
 mod effects;
+mod environment;
 mod error;
 mod gbuffer;
 mod geometry;
@@ -142,6 +143,10 @@ pub use camera::{Camera, Footprint, Viewport};
 pub use depth_moments::DepthMoments;
 pub use effect::{Channels, Effect};
 pub use effects::ambient_occlusion::{AmbientOcclusion, Overlap};
+pub use environment::{
+    Environment, EnvironmentBuilder, EnvironmentInput, EnvironmentLight, EnvironmentSource,
+    settings::EnvironmentSettings,
+};
 pub use error::Error;
 pub use gbuffer::{GBuffer, NormalEncoding, NormalSpace, Normals};
 pub use geometry::{

@@ -1,7 +1,9 @@
 //! The whole on any scene: `cargo run --release --example render -- SCENE.glb --out DIR`.
 //!
 //! Ambient occlusion (`--effect ao`) is written to `ao.exr` (one channel `Y`, 1 = open) and `ao.png`, indirect light
-//! (`--effect gi`) to `gi.exr` (R, G, B: outgoing radiance of one diffuse bounce) and `gi.png`, volumetric obscurance
+//! (`--effect gi`) to `gi.exr` (R, G, B: outgoing radiance of one diffuse bounce) and `gi.png`, directional occlusion (`--effect
+//! do`, what white surfaces send on of a sky) to `do.exr` and `do.png`, bent normals (`--effect bent`, their x, y and z, in the
+//! PNG from -1 to 1) to `bent.exr` and `bent.png`, volumetric obscurance
 //! (`--effect vo`) to `vo.exr` and `vo.png` as ambient occlusion, soft shadows of the first light (`--effect shadow`) to
 //! `shadow.exr` and `shadow.png` (1 = lit), screen-space indirect light (`--effect ssgi`, of a white surface) to `ssgi.exr` and
 //! `ssgi.png`, and what it took to `stats.json`. `--multires` computes these three by sub-images. `--effect sg` writes
@@ -18,8 +20,11 @@ use std::{path::PathBuf, process::ExitCode};
 
 use clap::Parser;
 use deep_screen_space::{
-    glam::DVec3,
-    reference::trace::{Receiver, Tracer},
+    glam::{DQuat, DVec3},
+    reference::{
+        environment::Cells,
+        trace::{BentEstimate, Receiver, Tracer},
+    },
     scenes::{self, Scene},
 };
 use methods::Rendered;
@@ -30,7 +35,7 @@ use support::{
     gltf::{Loaded, load_gltf},
     gpu::{Ask, Gpu},
     near::Effect,
-    presets,
+    presets, sky,
 };
 use view::Shot;
 
@@ -64,14 +69,17 @@ pub(crate) struct Options {
     /// Size of the picture in pixels, `WxH`.
     #[arg(long, value_parser = arguments::parse_size)]
     size: Option<[u32; 2]>,
-    /// What to compute: ambient occlusion, one bounce of diffuse light, volumetric obscurance, soft shadows or indirect light
+    /// What to compute: ambient occlusion, one bounce of diffuse light, directional occlusion, bent normals, volumetric obscurance, soft shadows or indirect light
     /// from the G-buffer alone, or a bounce from a reflective shadow map on a hull.
-    #[arg(long, default_value = "ao", value_parser = ["ao", "gi", "vo", "shadow", "ssgi", "sg"])]
+    #[arg(long, default_value = "ao", value_parser = ["ao", "gi", "do", "bent", "vo", "shadow", "ssgi", "sg"])]
     pub(crate) effect: String,
     /// Compute `vo`, `shadow` or `ssgi` at the resolution that each part of the picture needs, by a multi-resolution mask, and
     /// say how far that is from all of it at full resolution.
     #[arg(long)]
     multires: bool,
+    /// The sky of `--effect do`: dim, or the same with a small bright sun.
+    #[arg(long, default_value = "sunny", value_parser = sky::NAMES)]
+    sky: String,
     /// How to compute it: by the bounced z-buffer, which knows what hides what, or by splatting, which adds up.
     #[arg(long, default_value = "bounced", value_parser = ["bounced", "splat"])]
     method: String,
@@ -119,7 +127,7 @@ impl Options {
 
     /// Whether the picture has colours.
     fn colors(&self) -> bool {
-        matches!(self.effect.as_str(), "gi" | "ssgi")
+        matches!(self.effect.as_str(), "gi" | "do" | "bent" | "ssgi")
     }
 }
 
@@ -235,7 +243,13 @@ fn write(
     };
     let (width, height) = (shot.width, shot.height);
     let png = path("png");
-    if options.colors() {
+    if options.effect == "bent" {
+        files::write_exr_rgb(&path("exr"), width, height, pixels)?;
+        // As normals are drawn: -1 to 1 in what the eye takes for equal steps.
+        let shown = |n: f32| (0.5 * n + 0.5).clamp(0.0, 1.0).powf(2.2);
+        let shown: Vec<[f32; 3]> = pixels.iter().map(|n| n.map(shown)).collect();
+        files::write_png_rgb(&png, width, height, &shown, 1.0)?;
+    } else if options.colors() {
         files::write_exr_rgb(&path("exr"), width, height, pixels)?;
         files::write_png_rgb(&png, width, height, pixels, 2.0)?;
     } else {
@@ -256,6 +270,18 @@ fn truth(
 ) -> Result<Vec<Option<DVec3>>, String> {
     let tracer = Tracer::new(&scene.positions, &scene.indices).map_err(|e| e.to_string())?;
     let receivers: Vec<Option<Receiver>> = shot.receivers(scene, &tracer);
+    if options.effect == "do" {
+        let shown = sky::by_name(&options.sky).ok_or("no such sky")?;
+        let cells = Cells::new(shown, DQuat::IDENTITY);
+        let how = (f64::from(radius), rays);
+        let truth = tracer.environment_image(&receivers, &cells, how, 1, true);
+        return Ok(truth.into_iter().map(|e| e.map(|e| e.mean)).collect());
+    }
+    if options.effect == "bent" {
+        let truth = tracer.bent_normal_image(&receivers, f64::from(radius), rays, 1, true);
+        let bent = |e: BentEstimate| e.mean.normalize_or_zero();
+        return Ok(truth.into_iter().map(|e| e.map(bent)).collect());
+    }
     if !options.gi() {
         let truth = tracer.ambient_occlusion_image(&receivers, f64::from(radius), rays, 1, true);
         return Ok(truth
@@ -295,7 +321,7 @@ fn compare(
 ) -> Result<Off, String> {
     let truth = truth(options, scene, shot, radius, rays)?;
     let (mut squares, mut bias, mut mean, mut count) = (0.0, 0.0, 0.0, 0_u32);
-    let empty = if options.gi() { [0.0; 3] } else { [1.0; 3] };
+    let empty = if options.colors() { [0.0; 3] } else { [1.0; 3] };
     let mut image = vec![empty; pixels.len()];
     let mut difference = vec![[0.0; 3]; pixels.len()];
     for (i, truth) in truth.iter().enumerate() {

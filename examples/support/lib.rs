@@ -20,6 +20,7 @@ pub mod presets;
 pub mod raster;
 pub mod scene;
 pub mod shadow;
+pub mod sky;
 pub mod temporal;
 pub mod testing;
 pub mod visible;

@@ -1,8 +1,10 @@
 //! Each pass: the GPU against its f64 mirror, what must hold of its results, and what it refuses.
 
+mod bent_normals;
 mod bounced_disks;
 mod bounced_z_buffer;
 mod camera;
+mod environment;
 mod ggx;
 mod glossy;
 mod hit_resolver;

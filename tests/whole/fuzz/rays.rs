@@ -176,6 +176,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         deferred: case.usual("deferred", &[true, false]),
         counted: descriptor.counted,
         joined: false,
+        bent_normals: false,
         target: target_format,
     };
     let reconstructor = case.once(descriptor, |device| HitResolver::new(device, &descriptor))?;

@@ -1,0 +1,424 @@
+//! Environments: tables and rays against the mirror, light against ray tracing.
+
+use std::f64::consts::PI;
+
+use deep_screen_space::{
+    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Camera,
+    Environment, EnvironmentBuilder, EnvironmentInput, EnvironmentLight, EnvironmentSettings,
+    EnvironmentSource, Error, Frame, HitLighting, HitRadiance, HitResolverDescriptor,
+    HitResolverInput, HitResolverSettings, Light, Payload, Quality, Sampling,
+    glam::{DQuat, DVec2, DVec3},
+    reference::{
+        bounced_z_buffer::Tracing,
+        environment::{Cells, Picture, clean, direction_at, harmonics_at, polynomials_at},
+        packing::unpack_color,
+        trace::Receiver,
+    },
+    scenes::{self, Scene},
+    spherical_gaussian::SphericalGaussian,
+    wgpu,
+};
+use support::testing::{
+    frames::Decoded,
+    pipelines,
+    rays::{self, AMPLE, lab, lights, relative, triangles},
+    shot::{Shot, camera_of},
+};
+
+fn builder() -> &'static EnvironmentBuilder {
+    pipelines::once(&(), |gpu| {
+        EnvironmentBuilder::new(&gpu.device).expect("pipelines")
+    })
+}
+
+/// An environment on the GPU of what `source` shows.
+fn built(size: [u32; 2], source: EnvironmentSource<'_>) -> Environment {
+    let gpu = lab().gpu;
+    let settings = EnvironmentSettings { size };
+    let environment = builder().create(&gpu.device, &settings).expect("room");
+    let mut encoder = gpu.encoder();
+    let input = EnvironmentInput::new(source);
+    builder()
+        .record(&gpu.device, &mut encoder, &input, &environment)
+        .expect("an environment");
+    gpu.finish(encoder);
+    environment
+}
+
+/// The same of a picture of `f32`.
+fn pictured(picture: &Picture, size: [u32; 2]) -> Environment {
+    let texels: Vec<[f32; 4]> = picture
+        .texels
+        .iter()
+        .map(|t| t.as_vec3().extend(1.0).to_array())
+        .collect();
+    let [width, height] = picture.size.map(|n| n as u32);
+    let format = wgpu::TextureFormat::Rgba32Float;
+    let texture = lab().gpu.texture(format, width, height, &texels);
+    built(
+        size,
+        EnvironmentSource::Equirectangular(texture.texture().into()),
+    )
+}
+
+/// What is on the GPU, for the mirror.
+fn read(environment: &Environment, rotation: DQuat) -> Cells {
+    let gpu = lab().gpu;
+    let size = environment.size().map(|n| n as usize);
+    let cells: Vec<[f32; 4]> = gpu.read_texture(environment.radiance().texture(), 0);
+    let mut tables: Vec<f32> = gpu.read_texture(environment.distribution().texture(), 0);
+    let over_rows = tables.split_off(size[0] * size[1]);
+    Cells {
+        radiance: Picture {
+            size,
+            texels: cells
+                .iter()
+                .map(|[r, g, b, _]| DVec3::new((*r).into(), (*g).into(), (*b).into()))
+                .collect(),
+        },
+        in_rows: tables.into_iter().map(f64::from).collect(),
+        over_rows: over_rows[..size[1]].iter().map(|v| f64::from(*v)).collect(),
+        rotation,
+    }
+}
+
+/// A dim sky, brighter near the horizon on one side, over a dark ground.
+fn dim(d: DVec3) -> DVec3 {
+    let up = d.y.max(0.0);
+    let sky = DVec3::new(0.3, 0.5, 0.9) * (0.4 + 0.6 * (1.0 - up) * (0.5 + 0.5 * d.x));
+    if d.y > 0.0 { sky } else { DVec3::new(0.1, 0.08, 0.06) }
+}
+
+/// The same with a small sun, which gives a surface that faces it about four times what the sky does.
+fn sunny(d: DVec3) -> DVec3 {
+    let sun = DVec3::new(0.5, 0.7, 0.4).normalize();
+    let within = d.dot(sun) > 3.0_f64.to_radians().cos();
+    dim(d) + if within { DVec3::new(1.0, 0.9, 0.7) * 900.0 } else { DVec3::ZERO }
+}
+
+/// Within the rounding of some hundred additions in f32.
+const TABLE_OFF: f64 = 1e-4;
+
+fn near(found: &[f64], expected: &[f64], scale: f64, name: &str) {
+    assert_eq!(found.len(), expected.len(), "{name}");
+    for (i, (found, expected)) in found.iter().zip(expected).enumerate() {
+        let off = (found - expected).abs();
+        assert!(off <= TABLE_OFF * scale.max(expected.abs()), "{name} {i}: {found} for {expected}");
+    }
+}
+
+fn compare_tables(name: &str, environment: &Environment, radiance: &Picture) {
+    let found = read(environment, DQuat::IDENTITY);
+    let expected = Cells::new(radiance.clone(), DQuat::IDENTITY);
+    let flat = |p: &Picture| p.texels.iter().flat_map(|t| t.to_array()).collect::<Vec<_>>();
+    near(&flat(&found.radiance), &flat(radiance), 0.0, &format!("{name} radiance"));
+    near(&found.in_rows, &expected.in_rows, 1.0, &format!("{name} rows"));
+    near(&found.over_rows, &expected.over_rows, 1.0, &format!("{name} columns"));
+    assert!(found.in_rows.is_sorted_by(|a, b| a <= b || *b <= 1.0), "{name}");
+    let irradiance: Vec<[f32; 4]> = lab().gpu.read_buffer(environment.irradiance());
+    let found: Vec<f64> = irradiance.iter().flat_map(|c| [c[0], c[1], c[2]].map(f64::from)).collect();
+    let expected: Vec<f64> = expected.irradiance().iter().flat_map(DVec3::to_array).collect();
+    let scale = expected.iter().fold(0.0, |a: f64, b| a.max(b.abs()));
+    near(&found, &expected, scale, &format!("{name} irradiance"));
+}
+
+#[test]
+fn tables_are_the_mirrors() {
+    let sky = Picture::of([30, 20], sunny);
+    // Smaller, larger and as large as the picture's own texels.
+    for size in [[16, 8], [64, 32], [32, 20]] {
+        let cells = sky.resampled(size.map(|n| n as usize));
+        compare_tables(&format!("{size:?}"), &pictured(&sky, size), &cells);
+    }
+    // One texel, black, and what a file may hold by mistake.
+    let one = Picture { size: [1, 1], texels: vec![DVec3::new(1e-12, 2e17, 3.0)] };
+    compare_tables("one", &pictured(&one, [16, 8]), &one.resampled([16, 8]));
+    let black = Picture { size: [3, 2], texels: vec![DVec3::ZERO; 6] };
+    compare_tables("black", &pictured(&black, [16, 8]), &black.resampled([16, 8]));
+    let mut broken = Picture::of([16, 8], dim);
+    for (i, value) in [f64::NAN, -3.0, f64::INFINITY, f64::NEG_INFINITY].into_iter().enumerate() {
+        broken.texels[20 * i][i % 3] = value;
+    }
+    let cleaned = broken.resampled([16, 8]);
+    assert!(cleaned.texels.iter().all(|t| t.is_finite() && t.min_element() >= 0.0));
+    compare_tables("broken", &pictured(&broken, [16, 8]), &cleaned);
+    // Sums of harmonics and lobes.
+    let harmonics: [[f32; 3]; 9] =
+        std::array::from_fn(|i| [2.0, 0.3, -0.2].map(|c| if i == 0 { 2.0 } else { c / i as f32 }));
+    let size = [32, 16];
+    let expected = Picture::of([32, 16], |d| {
+        let basis = harmonics_at(d);
+        clean((0..9).map(|i| DVec3::from(harmonics[i].map(f64::from)) * basis[i]).sum())
+    });
+    compare_tables("harmonics", &built(size, EnvironmentSource::SphericalHarmonics(&harmonics)), &expected);
+    let lobe = |axis: DVec3, sharpness| SphericalGaussian { axis: axis.as_vec3(), sharpness, amplitude: 2.0 };
+    let lobes = [
+        (lobe(DVec3::new(0.6, 0.0, 0.8), 8.0), [1.0, 0.5, 0.2]),
+        (lobe(DVec3::Y, 0.0), [0.1, 0.2, 0.3]),
+    ];
+    let expected = Picture::of([32, 16], |d| {
+        let value = |(lobe, color): &(SphericalGaussian, [f32; 3])| {
+            DVec3::from(color.map(f64::from)) * f64::from(lobe.evaluate(d.as_vec3()))
+        };
+        lobes.iter().map(value).sum()
+    });
+    compare_tables("lobes", &built(size, EnvironmentSource::SphericalGaussians(&lobes)), &expected);
+}
+
+/// Directions are as often where the density says, and looking one up gives the density that it was drawn with.
+#[test]
+fn samples_follow_their_density() {
+    let rotation = DQuat::from_euler(deep_screen_space::glam::EulerRot::YXZ, 0.7, -0.4, 1.1);
+    let cells = Cells::new(Picture::of([32, 16], sunny), rotation);
+    let n = 256;
+    let (mut integral, mut counted) = (DVec3::ZERO, 0.0);
+    for i in 0..n * n {
+        let point = DVec2::new((i % n) as f64 + 0.5, (i / n) as f64 + 0.5) / n as f64;
+        let drawn = cells.sample(point);
+        assert!((drawn.direction.length() - 1.0).abs() < 1e-9);
+        let there = cells.at(drawn.direction);
+        // A direction on the edge of a cell may be the neighbour's.
+        counted += f64::from(u8::from((there.pdf / drawn.pdf - 1.0).abs() < 1e-6));
+        integral += drawn.radiance / drawn.pdf;
+    }
+    let all = (n * n) as f64;
+    assert!(counted >= 0.999 * all, "{counted} of {all}");
+    // The flux over the sphere, in two ways.
+    let flux: DVec3 = (0..32 * 16).map(|i| cells.radiance.texels[i] * cells.radiance.solid_angle(i / 32)).sum();
+    let off = (integral / all / flux - 1.0).abs().max_element();
+    assert!(off < 0.01, "{off}");
+}
+
+/// Of slow skies spherical harmonics give the irradiance within a hundredth of its mean, of a sun within a tenth of its peak.
+#[test]
+fn irradiance_is_the_integral() {
+    for (name, sky, bound) in [("dim", dim as fn(DVec3) -> DVec3, 0.03), ("sunny", sunny, 0.11)] {
+        let picture = Picture::of([64, 32], sky);
+        let environment = pictured(&picture, [64, 32]);
+        let found: Vec<[f32; 4]> = lab().gpu.read_buffer(environment.irradiance());
+        let (mut worst, mut most) = (0.0_f64, 0.0_f64);
+        for i in 0..60 {
+            let normal = direction_at(f64::from(i) * 0.618_034 % 1.0, (f64::from(i) + 0.5) / 60.0);
+            let of_harmonics: DVec3 = polynomials_at(normal)
+                .iter()
+                .zip(&found)
+                .map(|(p, [r, g, b, _])| *p * DVec3::new((*r).into(), (*g).into(), (*b).into()))
+                .sum();
+            let truth = picture.irradiance(normal);
+            worst = worst.max((of_harmonics - truth).abs().max_element());
+            most = most.max(truth.max_element());
+        }
+        println!("{name}: {worst:.4} of {most:.4}");
+        assert!(worst <= bound * most, "{name}: {worst} of {most}");
+    }
+}
+
+/// A colour is packed into steps of 1/256 of its largest component at most; weights are from sines and tables in f32.
+const OFF: f64 = 1.0 / 100.0;
+/// Share of rays that may differ more: see `ODD_RAYS` of the bounced z-buffer; and a direction at the edge of a cell may be the
+/// neighbour's, where the radiance is another.
+const FARTHER: f64 = 0.01;
+
+struct Case {
+    shot: Shot,
+    senders: rays::Senders,
+    materials: wgpu::Buffer,
+}
+
+impl Case {
+    fn new(scene: &Scene, view: usize, size: [u32; 2]) -> Self {
+        let lab = lab();
+        let camera = camera_of(scene, view, size);
+        let shot = Shot::new(lab.gpu, scene, &camera);
+        Self {
+            senders: lab.senders(&shot.buffers.meshes(), &camera, &triangles(), AMPLE),
+            materials: lab.gpu.buffer(&scene.material_table(), wgpu::BufferUsages::STORAGE),
+            shot,
+        }
+    }
+
+    fn frame<'a>(&'a self, encoder: &mut wgpu::CommandEncoder, decoded: &'a mut Decoded<'_>) -> Frame<'a> {
+        let origin = self.senders.cloud.origin();
+        decoded.frame(encoder, self.shot.lit_gbuffer(), &self.shot.camera, origin)
+    }
+
+    fn input<'a>(
+        &'a self,
+        frame: &'a Frame<'a>,
+        payload: Payload,
+        lights: &'a [Light],
+        environment: Option<EnvironmentLight<'a>>,
+    ) -> BouncedInput<'a> {
+        BouncedInput {
+            radiance: match payload {
+                Payload::LitRadiance => HitRadiance::Lit(HitLighting { materials: &self.materials, lights }),
+                _ => HitRadiance::None,
+            },
+            environment,
+            ..BouncedInput::new(frame, &self.senders.cloud, &self.senders.bounds)
+        }
+    }
+
+    fn view(&self, descriptor: &BouncedDescriptor, rays_per_pixel: u32) -> BouncedView {
+        let viewport = self.shot.camera.viewport();
+        pipelines::bounced(descriptor)
+            .create_view(&lab().gpu.device, viewport.width, viewport.height, rays_per_pixel)
+            .expect("a view")
+    }
+
+    fn trace(
+        &self,
+        descriptor: &BouncedDescriptor,
+        lights: &[Light],
+        environment: Option<EnvironmentLight<'_>>,
+        settings: &BouncedSettings,
+    ) -> BouncedView {
+        let view = self.view(descriptor, settings.rays_per_pixel);
+        let mut encoder = lab().gpu.encoder();
+        let mut decoded = Decoded::of(&self.shot.camera);
+        let frame = self.frame(&mut encoder, &mut decoded);
+        let input = self.input(&frame, descriptor.payload, lights, environment);
+        pipelines::bounced(descriptor)
+            .record(&lab().gpu.device, &mut encoder, &input, settings, &view)
+            .expect("hits");
+        lab().gpu.finish(encoder);
+        view
+    }
+
+    /// The picture of hits, of a white surface.
+    fn resolve(&self, hits: &BouncedView, settings: &HitResolverSettings) -> Vec<DVec3> {
+        let resolver = pipelines::hit_resolver(&HitResolverDescriptor {
+            payload: Payload::Sky,
+            sampling: Sampling::Cosine,
+            deferred: false,
+            counted: false,
+            joined: false,
+            bent_normals: false,
+            target: wgpu::TextureFormat::Rgba32Float,
+        });
+        let device = &lab().gpu.device;
+        let viewport = self.shot.camera.viewport();
+        let scratch = resolver.create_view(device, hits).expect("a view");
+        let target = lab().gpu.target(wgpu::TextureFormat::Rgba32Float, viewport.width, viewport.height);
+        let mut encoder = lab().gpu.encoder();
+        let mut decoded = Decoded::of(&self.shot.camera);
+        let frame = self.frame(&mut encoder, &mut decoded);
+        let input = HitResolverInput::new(&frame, hits, target.texture());
+        resolver.record(device, &mut encoder, &input, settings, &scratch).expect("a picture");
+        lab().gpu.finish(encoder);
+        let texels: Vec<[f32; 4]> = lab().gpu.read_texture(target.texture(), 0);
+        texels.iter().map(|[r, g, b, _]| DVec3::new((*r).into(), (*g).into(), (*b).into())).collect()
+    }
+
+    fn truth(&self, environment: &Cells, radius: f64, rays: u32) -> Vec<Option<DVec3>> {
+        let receivers: Vec<Option<Receiver>> =
+            self.shot.pixels.iter().map(|p| p.map(|p| p.receiver)).collect();
+        let estimates = self.shot.tracer.environment_image(&receivers, environment, (radius, rays), 3, false);
+        estimates.into_iter().map(|e| e.map(|e| e.mean)).collect()
+    }
+}
+
+fn descriptor(payload: Payload) -> BouncedDescriptor {
+    BouncedDescriptor { payload, environment: true, ..BouncedDescriptor::default() }
+}
+
+fn turned() -> DQuat {
+    DQuat::from_rotation_y(2.1) * DQuat::from_rotation_x(0.3)
+}
+
+#[test]
+fn rays_are_the_mirrors() {
+    let environment = pictured(&Picture::of([32, 16], sunny), [32, 16]);
+    for (scene, payload, rays_per_pixel, radius, share) in [
+        (scenes::cornell(), Payload::Sky, 5, f32::INFINITY, 0.5),
+        (scenes::dominoes(), Payload::Sky, 6, 0.3, 1.0),
+        (scenes::dominoes(), Payload::LitRadiance, 4, f32::INFINITY, 0.5),
+    ] {
+        let case = Case::new(&scene, 0, [24, 20]);
+        let all = if payload == Payload::Sky { Vec::new() } else { lights(&scene, 1.0, DVec3::ZERO) };
+        let settings = BouncedSettings {
+            rays_per_pixel,
+            radius,
+            environment_share: share,
+            frame: 3,
+            ..BouncedSettings::default()
+        };
+        let light = EnvironmentLight { environment: &environment, rotation: turned() };
+        let found = lab().colors(&case.trace(&descriptor(payload), &all, Some(light), &settings), &settings);
+        let origin = case.senders.cloud.origin();
+        let receivers = case.shot.receivers(origin);
+        let tracing = Tracing {
+            receivers: &receivers,
+            camera: &case.shot.camera,
+            origin,
+            settings: &settings,
+            sampling: Sampling::Cosine,
+            pieces: &case.senders.pieces,
+        };
+        let materials = scene.material_table();
+        let near_lights: Vec<Light> = all.iter().map(|l| relative(l, origin)).collect();
+        let expected = tracing.under(&read(&environment, turned()), |ray, hit| match payload {
+            Payload::Sky => DVec3::ZERO,
+            _ => tracing.lit_at(ray, hit, &materials, &near_lights),
+        });
+        assert_eq!(found.len(), expected.len());
+        let (mut farther, mut lit) = (0, 0);
+        for (found, expected) in found.iter().zip(&expected) {
+            let off = (unpack_color(*found) - *expected).abs().max_element();
+            assert!(off.is_finite(), "{found:x}");
+            farther += usize::from(off > OFF * expected.max_element());
+            lit += usize::from(expected.max_element() > 0.0);
+        }
+        println!("{} {payload:?}: {farther} of {} differ, {lit} lit", scene.name, found.len());
+        assert!(lit * 10 > found.len(), "{lit} of {}", found.len());
+        assert!(farther as f64 <= FARTHER * found.len() as f64, "{farther} of {}", found.len());
+    }
+}
+
+/// Root of the mean squared error over the truth's mean, and the mean error over it.
+fn off(found: &[DVec3], truth: &[Option<DVec3>]) -> [f64; 2] {
+    let (mut squares, mut bias, mut mean, mut n) = (0.0, 0.0, 0.0, 0.0);
+    for (found, truth) in found.iter().zip(truth) {
+        if let Some(truth) = truth {
+            squares += (*found - *truth).length_squared() / 3.0;
+            bias += (*found - *truth).element_sum() / 3.0;
+            mean += truth.element_sum() / 3.0;
+            n += 1.0;
+        }
+    }
+    [(squares / n).sqrt() / (mean / n), bias / mean]
+}
+
+#[test]
+fn tune() {
+    for (scene, view) in [(scenes::dominoes(), 0), (scenes::colonnade(), 0), (scenes::fence(), 0)] {
+        let case = Case::new(&scene, view, [192, 128]);
+        for (name, sky) in [("dim", dim as fn(DVec3) -> DVec3), ("sunny", sunny)] {
+            let picture = Picture::of([128, 64], sky);
+            let environment = pictured(&picture, [128, 64]);
+            let cells = Cells::new(picture, DQuat::IDENTITY);
+            let truth = case.truth(&cells, f64::INFINITY, 512);
+            for n in [16, 64] {
+                let settings = BouncedSettings { rays_per_pixel: n, ..BouncedSettings::default() };
+                let light = EnvironmentLight::new(&environment);
+                let hits = case.trace(&descriptor(Payload::Sky), &[], Some(light), &settings);
+                let base = HitResolverSettings::for_occlusion(n);
+                let mut line = String::new();
+                for radius in [0, 2, 4] {
+                    for clamp in [0.0, 0.3, 0.6, 1.0, 2.0] {
+                        if radius == 0 && clamp > 0.0 { continue; }
+                        let filter = HitResolverSettings {
+                            radius,
+                            spread: (radius as f32 / 1.6).max(0.5),
+                            variance_clamp: clamp,
+                            ..base
+                        };
+                        let [e, b] = off(&case.resolve(&hits, &filter), &truth);
+                        line += &format!(" r{radius} c{clamp}: {e:.4} ({b:+.4})");
+                    }
+                }
+                println!("{} {name} N={n}:{line}", scene.name);
+            }
+        }
+    }
+}
