@@ -138,9 +138,9 @@ override SAMPLING: u32 = 0u;
 @group(0) @binding(12) var roughness_texture: texture_2d<f32>;
 #endif
 #if ENVIRONMENT
-@group(0) @binding(15) var<uniform> environment: Environment;
-@group(0) @binding(16) var environment_radiance: texture_2d<f32>;
-@group(0) @binding(17) var environment_distribution: texture_2d<f32>;
+@group(0) @binding(32) var<uniform> environment: Environment;
+@group(0) @binding(33) var environment_radiance: texture_2d<f32>;
+@group(0) @binding(34) var environment_distribution: texture_2d<f32>;
 #endif
 #if COUNTED
 // Of each pixel, rows from the top.

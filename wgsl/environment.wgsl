@@ -82,7 +82,8 @@ fn cell_radiance(cell: vec2u) -> vec3f {
   }
   for (var i = 0u; i < source.count; i++) {
     let lobe = source.lobes[i];
-    sum += lobe.amplitude * sg_evaluate(SphericalGaussian(lobe.axis, lobe.sharpness, 1.0), d);
+    let shape = SphericalGaussian(lobe.axis, lobe.sharpness);
+    sum += lobe.amplitude * sg_evaluate(shape, d);
   }
   return clean(sum);
 }

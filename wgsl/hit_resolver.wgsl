@@ -412,6 +412,13 @@ fn value_of(mean: vec4f) -> Value {
 // The length of the mean of all directions, by their cosine.
 const OPEN_MEAN: f32 = 2.0 / 3.0;
 
+// As that of means of hits, of the share of open ones.
+fn openness_variance(openness: f32) -> f32 {
+  let rays = f32(rays_per_pixel());
+  let chance = 0.5 / rays;
+  return 0.5 * openness * (1.0 - openness) / rays + chance * chance;
+}
+
 fn bent(normal: vec3f, value: Value) -> vec4f {
   let openness = clamp(value.w, 0.0, 1.0);
   return vec4f(normalize_or(value.xyz + OPEN_MEAN * openness * normal, normal), openness);
@@ -521,7 +528,13 @@ fn resolved(fragment: vec4f) -> vec4f {
       let aside = vec2f(there - at);
       let hits_aside = length(d) * max(inverse_distance, textureLoad(inverse_distances, there, 0).x) * params.per_hit_distance;
       var distance = dot(aside, aside) * falloff + hits_aside * hits_aside;
-#if !BENT
+#if BENT
+      if params.variance_clamp > 0.0 {
+        let differences = theirs - own;
+        let variance = openness_variance(theirs.w) + openness_variance(own.w);
+        distance += dot(differences, differences) / (params.variance_clamp * params.variance_clamp * variance + 1e-30);
+      }
+#else
       if params.variance_clamp > 0.0 && own.w >= 0.0 {
         let difference = luminance(theirs.xyz) - luminance(own.xyz);
         let allowed = params.variance_clamp * params.variance_clamp * (theirs.w + own.w) + 1e-30;

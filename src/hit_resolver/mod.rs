@@ -85,8 +85,7 @@ pub struct HitResolverDescriptor {
     /// weighed by the cosine, made a unit vector of the world's axes (Landis, *Production-Ready Global Illumination*, 2002), the
     /// pixel's own normal where all is closed; in w ambient visibility, 0 to 1. Together they are a cone: one about the bent
     /// normal, of the half angle `asin(√w)`, is as open ([`HitResolver::cone_angle`]). Surfaces that have no normal, the sky, are
-    /// 0 and open. With [`Payload::Occlusion`] and [`Sampling::Cosine`], and without `deferred`, `counted` and `joined`;
-    /// [`HitResolverSettings::variance_clamp`] is not of use to it.
+    /// 0 and open. With [`Payload::Occlusion`] and [`Sampling::Cosine`], and without `deferred`, `counted` and `joined`.
     pub bent_normals: bool,
     /// Any colour format that can be rendered to; its missing channels are dropped. For bent normals one of four channels that
     /// holds negative numbers.

@@ -157,23 +157,17 @@ impl HitResolution<'_> {
 
     /// Bent normals, and in the last component visibility, of what [`lean`](Self::lean) gave; `None` for the sky.
     pub fn bent(&self, leans: &[DVec4], near: &[f64]) -> Vec<Option<DVec4>> {
-        let settings = HitResolverSettings {
-            variance_clamp: 0.0,
-            ..*self.settings
-        };
-        let plain = HitResolution {
-            settings: &settings,
-            ..*self
-        };
+        let rays = f64::from(self.traced.rays_per_pixel.max(1));
+        let chance = 0.5 / rays;
         let fitted = |part: &dyn Fn(&DVec4) -> DVec3| {
             let means: Vec<Mean> = leans
                 .iter()
                 .map(|lean| Mean {
                     mean: part(lean),
-                    variance: 0.0,
+                    variance: 0.5 * lean.w * (1.0 - lean.w) / rays + chance * chance,
                 })
                 .collect();
-            plain.fit(&means, near)
+            self.fit(&means, Some(leans), near)
         };
         let leaning = fitted(&|lean| lean.truncate());
         let openness = fitted(&|lean| DVec3::splat(lean.w));
@@ -261,7 +255,7 @@ impl HitResolution<'_> {
 
     /// The plane about each pixel, before it meets the albedo; `None` for the sky.
     pub fn reconstruct(&self, means: &[Mean], near: &[f64]) -> Vec<Option<DVec3>> {
-        self.fit(means, near)
+        self.fit(means, None, near)
             .into_iter()
             .map(|value| {
                 let value = value?;
@@ -273,19 +267,24 @@ impl HitResolution<'_> {
             .collect()
     }
 
-    /// The same before it is held to what there can be.
-    fn fit(&self, means: &[Mean], near: &[f64]) -> Vec<Option<DVec3>> {
+    /// The same before it is held to what there can be, with neighbours' differences those of `leans` where there are any.
+    fn fit(
+        &self,
+        means: &[Mean],
+        leans: Option<&[DVec4]>,
+        near: &[f64],
+    ) -> Vec<Option<DVec3>> {
         let drawn = self.drawn();
         let width = self.size().x;
         (0..self.receivers.len() as i32)
             .into_par_iter()
-            .map(|i| self.reconstructed((means, near), &drawn, IVec2::new(i % width, i / width)))
+            .map(|i| self.reconstructed((means, leans, near), &drawn, IVec2::new(i % width, i / width)))
             .collect()
     }
 
     fn reconstructed(
         &self,
-        (means, near): (&[Mean], &[f64]),
+        (means, leans, near): (&[Mean], Option<&[DVec4]>, &[f64]),
         drawn: &[Option<Direction>],
         at: IVec2,
     ) -> Option<DVec3> {
@@ -342,7 +341,10 @@ impl HitResolution<'_> {
                 let hits_aside = d.length() * nearest * per_hit_distance;
                 let mut distance = aside.length_squared() * falloff + hits_aside * hits_aside;
                 if settings.variance_clamp > 0.0 && own.variance >= 0.0 {
-                    let difference = luminance(theirs.mean) - luminance(own.mean);
+                    let difference = match leans {
+                        Some(leans) => (leans[index(there)] - leans[index(at)]).length(),
+                        None => luminance(theirs.mean) - luminance(own.mean),
+                    };
                     let variance_clamp = f64::from(settings.variance_clamp);
                     let allowed =
                         variance_clamp * variance_clamp * (theirs.variance + own.variance) + 1e-30;

@@ -154,10 +154,15 @@ fn bent_normals_are_near_the_traced_ones() {
     for scene in [scenes::colonnade(), scenes::cornell()] {
         for quality in [Quality::Balanced, Quality::Accurate] {
             let rays = quality.rays(Payload::Occlusion);
-            let case = Case::new(&scene, 0, [96, 64], rays.bounced(scene.ao_radius));
+            let case = Case::new(&scene, 0, [256, 160], rays.bounced(scene.ao_radius));
             let found = case.picture(&DESCRIPTOR, &rays.filter);
-            let receivers: Vec<Option<trace::Receiver>> =
-                case.shot.pixels.iter().map(|p| p.map(|p| p.receiver)).collect();
+            // Every third pixel of every third row.
+            let width = 256;
+            let is_taken = |i: usize| i % width % 3 == 1 && i / width % 3 == 1;
+            let pixels = case.shot.pixels.iter().enumerate();
+            let receivers: Vec<Option<trace::Receiver>> = pixels
+                .map(|(i, p)| p.filter(|_| is_taken(i)).map(|p| p.receiver))
+                .collect();
             let truth = case.shot.tracer.bent_normal_image(
                 &receivers,
                 f64::from(scene.ao_radius),
@@ -203,10 +208,54 @@ fn bent_normals_are_near_the_traced_ones() {
                 variance_clamp: 0.0,
                 ..rays.filter
             };
+            let found = case.picture(&DESCRIPTOR, &filter);
             let visibility = case.picture(&plain, &filter);
             for (found, plain) in found.iter().zip(&visibility) {
                 assert!((found.w - plain.x).abs() < 1e-4, "{found} {plain}");
             }
+        }
+    }
+}
+
+#[test]
+fn tune_bent() {
+    let parse = |s: &str| s.split(',').map(|v| v.trim().parse::<f32>().expect("a number")).collect::<Vec<_>>();
+    let configs: Vec<Vec<f32>> = std::env::var("TUNE").unwrap_or_default().split(';').filter(|s| !s.is_empty()).map(parse).collect();
+    let names = std::env::var("TUNE_SCENES").unwrap_or("dominoes,colonnade,cornell".into());
+    for scene in names.split(',').map(|n| scenes::by_name(n).expect("a scene")) {
+        let mut truth: Option<Vec<Option<trace::BentEstimate>>> = None;
+        for c in &configs {
+            let traced = BouncedSettings { rays_per_pixel: c[0] as u32, radius: scene.ao_radius, ..BouncedSettings::default() };
+            let case = Case::new(&scene, 0, [256, 160], traced);
+            let width = 256;
+            let is_taken = |i: usize| i % width % 3 == 1 && i / width % 3 == 1;
+            let pixels = case.shot.pixels.iter().enumerate();
+            let receivers: Vec<Option<trace::Receiver>> = pixels
+                .map(|(i, p)| p.filter(|_| is_taken(i)).map(|p| p.receiver))
+                .collect();
+            let truth = truth.get_or_insert_with(|| case.shot.tracer.bent_normal_image(&receivers, f64::from(scene.ao_radius), 256, 9, false));
+            let filter = HitResolverSettings {
+                radius: c[2] as u32,
+                spread: c[3],
+                variance_clamp: c[4],
+                hit_distances: c[5],
+                damping: c[6],
+                normal_power: c[7],
+                plane_distance: c[8],
+                ..HitResolverSettings::default()
+            };
+            let found = case.picture(&DESCRIPTOR, &filter);
+            let (mut sum, mut n, mut all, mut m, mut open) = (0.0, 0.0, 0.0, 0.0, 0.0);
+            for (found, truth) in found.iter().zip(truth.iter()) {
+                let Some(truth) = truth else { continue };
+                open += (found.w - truth.visibility).powi(2);
+                m += 1.0;
+                if truth.visibility < 0.01 { continue; }
+                let angle = found.truncate().angle_between(truth.mean).to_degrees();
+                all += angle;
+                if truth.visibility < 0.75 { sum += angle; n += 1.0; }
+            }
+            println!("{} {c:?}: {:.2}° of {n}, all {:.2}°, visibility {:.4}", scene.name, sum / n, all / m, f64::sqrt(open / m));
         }
     }
 }

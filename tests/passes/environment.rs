@@ -1,9 +1,7 @@
 //! Environments: tables and rays against the mirror, light against ray tracing.
 
-use std::f64::consts::PI;
-
 use deep_screen_space::{
-    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Camera,
+    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView,
     Environment, EnvironmentBuilder, EnvironmentInput, EnvironmentLight, EnvironmentSettings,
     EnvironmentSource, Error, Frame, HitLighting, HitRadiance, HitResolverDescriptor,
     HitResolverInput, HitResolverSettings, Light, Payload, Quality, Sampling,
@@ -12,7 +10,7 @@ use deep_screen_space::{
         bounced_z_buffer::Tracing,
         environment::{Cells, Picture, clean, direction_at, harmonics_at, polynomials_at},
         packing::unpack_color,
-        trace::Receiver,
+        trace::{ColorEstimate, Receiver},
     },
     scenes::{self, Scene},
     spherical_gaussian::SphericalGaussian,
@@ -24,6 +22,7 @@ use support::testing::{
     rays::{self, AMPLE, lab, lights, relative, triangles},
     shot::{Shot, camera_of},
 };
+use support::sky;
 
 fn builder() -> &'static EnvironmentBuilder {
     pipelines::once(&(), |gpu| {
@@ -82,18 +81,11 @@ fn read(environment: &Environment, rotation: DQuat) -> Cells {
     }
 }
 
-/// A dim sky, brighter near the horizon on one side, over a dark ground.
-fn dim(d: DVec3) -> DVec3 {
-    let up = d.y.max(0.0);
-    let sky = DVec3::new(0.3, 0.5, 0.9) * (0.4 + 0.6 * (1.0 - up) * (0.5 + 0.5 * d.x));
-    if d.y > 0.0 { sky } else { DVec3::new(0.1, 0.08, 0.06) }
-}
-
-/// The same with a small sun, which gives a surface that faces it about four times what the sky does.
+/// The dim sky with a bright sun wide enough for coarse pictures.
 fn sunny(d: DVec3) -> DVec3 {
     let sun = DVec3::new(0.5, 0.7, 0.4).normalize();
-    let within = d.dot(sun) > 3.0_f64.to_radians().cos();
-    dim(d) + if within { DVec3::new(1.0, 0.9, 0.7) * 900.0 } else { DVec3::ZERO }
+    let is_sun = d.dot(sun) > 8.0_f64.to_radians().cos();
+    sky::dim(d) + DVec3::new(1.0, 0.9, 0.7) * if is_sun { 100.0 } else { 0.0 }
 }
 
 /// Within the rounding of some hundred additions in f32.
@@ -124,18 +116,18 @@ fn compare_tables(name: &str, environment: &Environment, radiance: &Picture) {
 
 #[test]
 fn tables_are_the_mirrors() {
-    let sky = Picture::of([30, 20], sunny);
+    let seen = Picture::of([30, 20], sunny);
     // Smaller, larger and as large as the picture's own texels.
     for size in [[16, 8], [64, 32], [32, 20]] {
-        let cells = sky.resampled(size.map(|n| n as usize));
-        compare_tables(&format!("{size:?}"), &pictured(&sky, size), &cells);
+        let cells = seen.resampled(size.map(|n| n as usize));
+        compare_tables(&format!("{size:?}"), &pictured(&seen, size), &cells);
     }
     // One texel, black, and what a file may hold by mistake.
     let one = Picture { size: [1, 1], texels: vec![DVec3::new(1e-12, 2e17, 3.0)] };
     compare_tables("one", &pictured(&one, [16, 8]), &one.resampled([16, 8]));
     let black = Picture { size: [3, 2], texels: vec![DVec3::ZERO; 6] };
     compare_tables("black", &pictured(&black, [16, 8]), &black.resampled([16, 8]));
-    let mut broken = Picture::of([16, 8], dim);
+    let mut broken = Picture::of([16, 8], sky::dim);
     for (i, value) in [f64::NAN, -3.0, f64::INFINITY, f64::NEG_INFINITY].into_iter().enumerate() {
         broken.texels[20 * i][i % 3] = value;
     }
@@ -192,8 +184,8 @@ fn samples_follow_their_density() {
 /// Of slow skies spherical harmonics give the irradiance within a hundredth of its mean, of a sun within a tenth of its peak.
 #[test]
 fn irradiance_is_the_integral() {
-    for (name, sky, bound) in [("dim", dim as fn(DVec3) -> DVec3, 0.03), ("sunny", sunny, 0.11)] {
-        let picture = Picture::of([64, 32], sky);
+    for (name, shown, bound) in [("dim", sky::dim as fn(DVec3) -> DVec3, 0.03), ("sunny", sunny, 0.11)] {
+        let picture = Picture::of([64, 32], shown);
         let environment = pictured(&picture, [64, 32]);
         let found: Vec<[f32; 4]> = lab().gpu.read_buffer(environment.irradiance());
         let (mut worst, mut most) = (0.0_f64, 0.0_f64);
@@ -310,12 +302,18 @@ impl Case {
         texels.iter().map(|[r, g, b, _]| DVec3::new((*r).into(), (*g).into(), (*b).into())).collect()
     }
 
-    fn truth(&self, environment: &Cells, radius: f64, rays: u32) -> Vec<Option<DVec3>> {
-        let receivers: Vec<Option<Receiver>> =
-            self.shot.pixels.iter().map(|p| p.map(|p| p.receiver)).collect();
-        let estimates = self.shot.tracer.environment_image(&receivers, environment, (radius, rays), 3, false);
-        estimates.into_iter().map(|e| e.map(|e| e.mean)).collect()
+    fn truth(&self, environment: &Cells, radius: f64, rays: u32) -> Vec<Option<ColorEstimate>> {
+        let receivers = sampled(&self.shot);
+        self.shot.tracer.environment_image(&receivers, environment, (radius, rays), 3, false)
     }
+}
+
+/// Every third pixel of every third row: pixels a power of two apart would share their directions' points.
+fn sampled(shot: &Shot) -> Vec<Option<Receiver>> {
+    let width = shot.camera.viewport().width as usize;
+    let is_taken = |i: usize| i % width % 3 == 1 && i / width % 3 == 1;
+    let pixels = shot.pixels.iter().enumerate();
+    pixels.map(|(i, p)| p.filter(|_| is_taken(i)).map(|p| p.receiver)).collect()
 }
 
 fn descriptor(payload: Payload) -> BouncedDescriptor {
@@ -375,49 +373,52 @@ fn rays_are_the_mirrors() {
     }
 }
 
-/// Root of the mean squared error over the truth's mean, and the mean error over it.
-fn off(found: &[DVec3], truth: &[Option<DVec3>]) -> [f64; 2] {
+/// Root of the mean squared error over the truth's mean, with the truth's own noise taken out, and the mean error over it.
+fn off(found: &[DVec3], truth: &[Option<ColorEstimate>]) -> [f64; 2] {
     let (mut squares, mut bias, mut mean, mut n) = (0.0, 0.0, 0.0, 0.0);
     for (found, truth) in found.iter().zip(truth) {
         if let Some(truth) = truth {
-            squares += (*found - *truth).length_squared() / 3.0;
-            bias += (*found - *truth).element_sum() / 3.0;
-            mean += truth.element_sum() / 3.0;
+            let error = *found - truth.mean;
+            squares += (error.length_squared() - truth.standard_error.length_squared()) / 3.0;
+            bias += error.element_sum() / 3.0;
+            mean += truth.mean.element_sum() / 3.0;
             n += 1.0;
         }
     }
-    [(squares / n).sqrt() / (mean / n), bias / mean]
+    [(squares / n).max(0.0).sqrt() / (mean / n), bias / mean]
 }
 
 #[test]
 fn tune() {
-    for (scene, view) in [(scenes::dominoes(), 0), (scenes::colonnade(), 0), (scenes::fence(), 0)] {
-        let case = Case::new(&scene, view, [192, 128]);
-        for (name, sky) in [("dim", dim as fn(DVec3) -> DVec3), ("sunny", sunny)] {
-            let picture = Picture::of([128, 64], sky);
-            let environment = pictured(&picture, [128, 64]);
+    let parse = |s: &str| s.split(',').map(|v| v.trim().parse::<f32>().expect("a number")).collect::<Vec<_>>();
+    let configs: Vec<Vec<f32>> = std::env::var("TUNE").unwrap_or_default().split(';').filter(|s| !s.is_empty()).map(parse).collect();
+    let size = std::env::var("TUNE_SIZE").map_or(vec![256.0, 160.0], |s| parse(&s));
+    let names = std::env::var("TUNE_SCENES").unwrap_or("dominoes,colonnade,fence".into());
+    for scene in names.split(',').map(|n| scenes::by_name(n).expect("a scene")) {
+        let case = Case::new(&scene, 0, [size[0] as u32, size[1] as u32]);
+        for name in sky::NAMES {
+            let picture = sky::by_name(name).expect("a sky");
+            let environment = pictured(&picture, [256, 128]);
             let cells = Cells::new(picture, DQuat::IDENTITY);
             let truth = case.truth(&cells, f64::INFINITY, 512);
-            for n in [16, 64] {
-                let settings = BouncedSettings { rays_per_pixel: n, ..BouncedSettings::default() };
+            println!("{} {name}", scene.name);
+            for c in &configs {
+                let n = c[0] as u32;
+                let settings = BouncedSettings { rays_per_pixel: n, environment_share: c[1], ..BouncedSettings::default() };
                 let light = EnvironmentLight::new(&environment);
                 let hits = case.trace(&descriptor(Payload::Sky), &[], Some(light), &settings);
-                let base = HitResolverSettings::for_occlusion(n);
-                let mut line = String::new();
-                for radius in [0, 2, 4] {
-                    for clamp in [0.0, 0.3, 0.6, 1.0, 2.0] {
-                        if radius == 0 && clamp > 0.0 { continue; }
-                        let filter = HitResolverSettings {
-                            radius,
-                            spread: (radius as f32 / 1.6).max(0.5),
-                            variance_clamp: clamp,
-                            ..base
-                        };
-                        let [e, b] = off(&case.resolve(&hits, &filter), &truth);
-                        line += &format!(" r{radius} c{clamp}: {e:.4} ({b:+.4})");
-                    }
-                }
-                println!("{} {name} N={n}:{line}", scene.name);
+                let filter = HitResolverSettings {
+                    radius: c[2] as u32,
+                    spread: c[3],
+                    variance_clamp: c[4],
+                    hit_distances: c[5],
+                    damping: c[6],
+                    normal_power: c[7],
+                    plane_distance: c[8],
+                    ..HitResolverSettings::default()
+                };
+                let [e, b] = off(&case.resolve(&hits, &filter), &truth);
+                println!("  {c:?}: {e:.4} ({b:+.4})");
             }
         }
     }
