@@ -1,7 +1,7 @@
 //! Environments: tables and rays against the mirror, light against ray tracing.
 
 use deep_screen_space::{
-    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView,
+    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer,
     Environment, EnvironmentBuilder, EnvironmentInput, EnvironmentLight, EnvironmentSettings,
     EnvironmentSource, Error, Frame, HitLighting, HitRadiance, HitResolverDescriptor,
     HitResolverInput, HitResolverSettings, Light, Payload, Quality, Sampling,
@@ -388,38 +388,214 @@ fn off(found: &[DVec3], truth: &[Option<ColorEstimate>]) -> [f64; 2] {
     [(squares / n).max(0.0).sqrt() / (mean / n), bias / mean]
 }
 
+/// Relative errors against traced rays are those of the quality, under a dim sky and under one with a small sun, at a size where
+/// pixels are coarse beside the shadows; and the mean over the picture is the truth's.
 #[test]
-fn tune() {
-    let parse = |s: &str| s.split(',').map(|v| v.trim().parse::<f32>().expect("a number")).collect::<Vec<_>>();
-    let configs: Vec<Vec<f32>> = std::env::var("TUNE").unwrap_or_default().split(';').filter(|s| !s.is_empty()).map(parse).collect();
-    let size = std::env::var("TUNE_SIZE").map_or(vec![256.0, 160.0], |s| parse(&s));
-    let names = std::env::var("TUNE_SCENES").unwrap_or("dominoes,colonnade,fence".into());
-    for scene in names.split(',').map(|n| scenes::by_name(n).expect("a scene")) {
-        let case = Case::new(&scene, 0, [size[0] as u32, size[1] as u32]);
-        for name in sky::NAMES {
-            let picture = sky::by_name(name).expect("a sky");
-            let environment = pictured(&picture, [256, 128]);
-            let cells = Cells::new(picture, DQuat::IDENTITY);
-            let truth = case.truth(&cells, f64::INFINITY, 512);
-            println!("{} {name}", scene.name);
-            for c in &configs {
-                let n = c[0] as u32;
-                let settings = BouncedSettings { rays_per_pixel: n, environment_share: c[1], ..BouncedSettings::default() };
-                let light = EnvironmentLight::new(&environment);
-                let hits = case.trace(&descriptor(Payload::Sky), &[], Some(light), &settings);
-                let filter = HitResolverSettings {
-                    radius: c[2] as u32,
-                    spread: c[3],
-                    variance_clamp: c[4],
-                    hit_distances: c[5],
-                    damping: c[6],
-                    normal_power: c[7],
-                    plane_distance: c[8],
-                    ..HitResolverSettings::default()
-                };
-                let [e, b] = off(&case.resolve(&hits, &filter), &truth);
-                println!("  {c:?}: {e:.4} ({b:+.4})");
-            }
+fn light_of_skies_is_near_the_traced() {
+    let scene = scenes::dominoes();
+    let case = Case::new(&scene, 0, [128, 80]);
+    for name in sky::NAMES {
+        let picture = sky::by_name(name).expect("a sky");
+        let environment = pictured(&picture, EnvironmentSettings::default().size);
+        let cells = Cells::new(picture, DQuat::IDENTITY);
+        let truth = case.truth(&cells, f64::INFINITY, 512);
+        for (quality, bound) in [(Quality::Balanced, 0.10), (Quality::Accurate, 0.05)] {
+            let rays = quality.rays(Payload::Sky);
+            let light = EnvironmentLight::new(&environment);
+            let settings = rays.bounced(f32::INFINITY);
+            let hits = case.trace(&descriptor(Payload::Sky), &[], Some(light), &settings);
+            let [error, bias] = off(&case.resolve(&hits, &rays.filter), &truth);
+            println!("{name} {quality:?}: {error:.4}, bias {bias:+.4}");
+            assert!(error <= bound, "{name} {quality:?}: {error}");
+            // The filter's, and that a cell is wider than the sun's edge.
+            assert!(bias.abs() <= 0.01, "{name} {quality:?}: {bias}");
         }
+    }
+}
+
+/// Without a filter the mean over all pixels is the truth's within the noise of both, whatever share of the rays is drawn by
+/// the environment: what the rays are weighed by adds up to one.
+#[test]
+fn light_of_skies_has_no_bias() {
+    let scene = scenes::dominoes();
+    let case = Case::new(&scene, 0, [48, 32]);
+    let picture = Picture::of([64, 32], sunny);
+    let environment = pictured(&picture, [64, 32]);
+    let cells = Cells::new(picture, turned());
+    let truth = case.truth(&cells, 0.5, 2048);
+    let unfiltered = HitResolverSettings {
+        radius: 0,
+        ..HitResolverSettings::default()
+    };
+    for share in [0.0, 0.3, 0.5, 1.0] {
+        let settings = BouncedSettings {
+            rays_per_pixel: 64,
+            radius: 0.5,
+            environment_share: share,
+            ..BouncedSettings::default()
+        };
+        let light = EnvironmentLight {
+            environment: &environment,
+            rotation: turned(),
+        };
+        let hits = case.trace(&descriptor(Payload::Sky), &[], Some(light), &settings);
+        let [error, bias] = off(&case.resolve(&hits, &unfiltered), &truth);
+        println!("share {share}: {error:.4}, bias {bias:+.4}");
+        // Pixels' noise over the root of some hundred and seventy of them; twice that.
+        assert!(bias.abs() <= f64::max(0.15 * error, 0.003), "{share}: {bias} of {error}");
+    }
+}
+
+/// A mirror, and what light meets, show an even sky as they show one colour, bit for bit.
+#[test]
+fn even_skies_are_one_color() {
+    let scene = scenes::cornell();
+    let case = Case::new(&scene, 0, [16, 12]);
+    let color = [0.5, 0.25, 0.125];
+    let even = Picture {
+        size: [1, 1],
+        texels: vec![DVec3::from(color)],
+    };
+    let environment = pictured(&even, [16, 8]);
+    let settings = BouncedSettings {
+        rays_per_pixel: 4,
+        sky_radiance: color.map(|c| c as f32),
+        environment_share: 0.0,
+        ..BouncedSettings::default()
+    };
+    let all = lights(&scene, 1.0, DVec3::ZERO);
+    let one = BouncedDescriptor {
+        environment: false,
+        ..descriptor(Payload::LitRadiance)
+    };
+    let expected = lab().colors(&case.trace(&one, &all, None, &settings), &settings);
+    let light = EnvironmentLight::new(&environment);
+    let found = case.trace(&descriptor(Payload::LitRadiance), &all, Some(light), &settings);
+    let found = lab().colors(&found, &settings);
+    for (found, expected) in found.iter().zip(&expected) {
+        let off = (unpack_color(*found) - unpack_color(*expected)).abs().max_element();
+        // A weight of one but for a rounding may pack to the next step.
+        assert!(off <= 0.01 * unpack_color(*expected).max_element(), "{found:x} {expected:x}");
+    }
+}
+
+/// What recording a source says.
+fn refused(environment: &Environment, source: EnvironmentSource<'_>) -> Result<(), Error> {
+    let gpu = lab().gpu;
+    let input = EnvironmentInput::new(source);
+    builder().record(&gpu.device, &mut gpu.encoder(), &input, environment)
+}
+
+#[test]
+fn what_does_not_fit_is_a_typed_error() {
+    let device = &lab().gpu.device;
+    let setting = |result: Result<(), Error>, name: &str| {
+        assert!(
+            matches!(&result, Err(Error::Setting { field, .. }) if *field == name),
+            "{name}: {result:?}"
+        );
+    };
+    // What an environment does not go with.
+    for bad in [
+        BouncedDescriptor { environment: false, ..descriptor(Payload::Sky) },
+        BouncedDescriptor { sampling: Sampling::Glossy, ..descriptor(Payload::Sky) },
+        BouncedDescriptor { sampling: Sampling::Uniform, ..descriptor(Payload::LitRadiance) },
+        descriptor(Payload::Occlusion),
+    ] {
+        let made = BouncedZBuffer::new(device, &bad).map(|_| ());
+        setting(made, "BouncedDescriptor::environment");
+    }
+    for (size, name) in [
+        ([15, 8], "EnvironmentSettings::size[0]"),
+        ([2049, 8], "EnvironmentSettings::size[0]"),
+        ([0, 0], "EnvironmentSettings::size[0]"),
+        ([32, 7], "EnvironmentSettings::size[1]"),
+        ([32, 33], "EnvironmentSettings::size[1]"),
+    ] {
+        setting(builder().create(device, &EnvironmentSettings { size }).map(|_| ()), name);
+    }
+    let settings = EnvironmentSettings { size: [16, 8] };
+    let environment = builder().create(device, &settings).expect("room");
+    let lobe = SphericalGaussian { axis: DVec3::Y.as_vec3(), sharpness: 1.0, amplitude: 1.0 };
+    let lobes = [(lobe, [1.0; 3]); 17];
+    setting(
+        refused(&environment, EnvironmentSource::SphericalGaussians(&lobes)),
+        "EnvironmentSource::SphericalGaussians",
+    );
+    let target = |format, width| lab().gpu.storage(format, width, 4);
+    let picture = |view: &wgpu::TextureView| {
+        refused(&environment, EnvironmentSource::Equirectangular(view.texture().into()))
+    };
+    let words = target(wgpu::TextureFormat::R32Uint, 8);
+    assert!(matches!(picture(&words), Err(Error::Format { .. })));
+    let wide = target(wgpu::TextureFormat::Rgba32Float, 2049);
+    assert!(matches!(picture(&wide), Err(Error::Mismatch { .. })));
+    let depth = lab().gpu.target(wgpu::TextureFormat::Depth32Float, 8, 8);
+    assert!(picture(&depth).is_err());
+    // Single hits of directions that an environment drew cannot be weighed anew.
+    let case = Case::new(&scenes::cornell(), 0, [8, 8]);
+    let bounced = BouncedSettings { rays_per_pixel: 2, ..BouncedSettings::default() };
+    let view = case.view(&descriptor(Payload::Sky), 2);
+    let mut decoded = Decoded::of(&case.shot.camera);
+    let frame = case.frame(&mut lab().gpu.encoder(), &mut decoded);
+    let trace = |environment| {
+        let input = case.input(&frame, Payload::Sky, &[], environment);
+        let mut encoder = lab().gpu.encoder();
+        let tracer = pipelines::bounced(&descriptor(Payload::Sky));
+        tracer.record(device, &mut encoder, &input, &bounced, &view)
+    };
+    assert!(matches!(
+        trace(None),
+        Err(Error::Mismatch { name, .. }) if name == "BouncedInput::environment"
+    ));
+    let light = EnvironmentLight::new(&environment);
+    assert!(matches!(
+        trace(Some(light)),
+        Err(Error::Recording { name, .. }) if name == "Environment"
+    ));
+    let harmonics = [[1.0; 3]; 9];
+    let even = EnvironmentSource::SphericalHarmonics(&harmonics);
+    assert_eq!(refused(&environment, even), Ok(()));
+    for rotation in [DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0), DQuat::from_xyzw(f64::NAN, 0.0, 0.0, 1.0)] {
+        setting(trace(Some(EnvironmentLight { rotation, ..light })), "EnvironmentLight::rotation");
+    }
+    assert_eq!(trace(Some(light)), Ok(()));
+    let share = BouncedSettings { environment_share: 1.5, ..bounced };
+    setting(share.validate(), "BouncedSettings::environment_share");
+    let deferred = pipelines::hit_resolver(&HitResolverDescriptor {
+        payload: Payload::Sky,
+        sampling: Sampling::Cosine,
+        deferred: true,
+        counted: false,
+        joined: false,
+        bent_normals: false,
+        target: wgpu::TextureFormat::Rgba32Float,
+    });
+    let scratch = deferred.create_view(device, &view).expect("a view");
+    let target = lab().gpu.target(wgpu::TextureFormat::Rgba32Float, 8, 8);
+    let input = HitResolverInput::new(&frame, &view, target.texture());
+    let filter = HitResolverSettings::default();
+    let mut encoder = lab().gpu.encoder();
+    assert!(matches!(
+        deferred.record(device, &mut encoder, &input, &filter, &scratch),
+        Err(Error::Mismatch { name, .. }) if name == "HitResolverInput::hits"
+    ));
+}
+
+/// What is compiled without an environment has nothing of one.
+#[test]
+fn nothing_is_bound_without_an_environment() {
+    let effect = deep_screen_space::AmbientOcclusion::default().effect();
+    let all = deep_screen_space::shaders(&effect).expect("modules");
+    let rays = all.iter().filter(|s| s.name.starts_with("bounced_z_buffer"));
+    let (with, without): (Vec<_>, Vec<_>) =
+        rays.partition(|s| s.name.contains("sky") || s.name.contains("environment"));
+    assert!(with.len() > 10 && without.len() > 10);
+    for shader in without {
+        let text: Vec<_> = shader.source.lines().filter(|l| !l.trim_start().starts_with("//")).collect();
+        assert!(!text.iter().any(|line| line.contains("environment")), "{}", shader.name);
+    }
+    for shader in with {
+        assert!(shader.source.contains("environment_radiance"), "{}", shader.name);
     }
 }
