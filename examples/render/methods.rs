@@ -1,8 +1,8 @@
 //! The ways to render a picture.
 
 use deep_screen_space::{
-    AmbientOcclusion, CloudCapacity, EnvironmentBuilder, EnvironmentSettings, Error, Overlap, Payload, Piece, RaySettings, SurfelCounts,
-    scenes::Scene,
+    AmbientOcclusion, CloudCapacity, EnvironmentBuilder, EnvironmentSettings, Error, Overlap,
+    Payload, Piece, RaySettings, SurfelCounts, scenes::Scene,
 };
 use serde_json::{Value, json};
 

@@ -2,11 +2,11 @@
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Bvh, BvhBuilder,
-    Camera, CloudCapacity, Environment, EnvironmentLight, Error, GBuffer, Geometry, HitLighting, HitRadiance, HitResolver,
-    HitResolverDescriptor, HitResolverInput, HitResolverSettings, HitResolverView, Light, Payload,
-    Primitives, RayBudget, RayBudgetInput, RayBudgetSettings, RayBudgetView, Reach, Sampling,
-    ShadedLight, Shadow, SurfelCloud, SurfelCounts, SurfelShader, SurfelShaderInput,
-    SurfelShaderSettings, Surfelizer, SurfelizerInput, SurfelizerSettings, wgpu,
+    Camera, CloudCapacity, Environment, EnvironmentLight, Error, GBuffer, Geometry, HitLighting,
+    HitRadiance, HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverSettings,
+    HitResolverView, Light, Payload, Primitives, RayBudget, RayBudgetInput, RayBudgetSettings,
+    RayBudgetView, Reach, Sampling, ShadedLight, Shadow, SurfelCloud, SurfelCounts, SurfelShader,
+    SurfelShaderInput, SurfelShaderSettings, Surfelizer, SurfelizerInput, SurfelizerSettings, wgpu,
 };
 
 use super::{

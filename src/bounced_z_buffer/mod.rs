@@ -532,7 +532,10 @@ impl BouncedZBuffer {
         if let Some((environment, placed)) = environment {
             resources.extend([
                 ("environment", parameters.at(placed)),
-                ("environment_radiance", binding::view(environment.radiance())),
+                (
+                    "environment_radiance",
+                    binding::view(environment.radiance()),
+                ),
                 (
                     "environment_distribution",
                     binding::view(environment.distribution()),

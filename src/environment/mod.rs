@@ -231,10 +231,7 @@ impl EnvironmentBuilder {
                 TextureFormat::R32Float,
                 table_size(size),
             )?,
-            row_powers: buffer(
-                "deep-screen-space environment rows",
-                4 * u64::from(size[1]),
-            )?,
+            row_powers: buffer("deep-screen-space environment rows", 4 * u64::from(size[1]))?,
             irradiance: buffer("deep-screen-space environment irradiance", 9 * 16)?,
             recorded: Recordings::default(),
         })

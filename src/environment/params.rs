@@ -99,9 +99,7 @@ impl PlacedParams {
         let to_world = glam::DMat3::from_quat(light.rotation.normalize()).as_mat3();
         let [columns, rows] = grid(cosine_rays(settings));
         Self {
-            to_world: to_world
-                .to_cols_array_2d()
-                .map(|[x, y, z]| [x, y, z, 0.0]),
+            to_world: to_world.to_cols_array_2d().map(|[x, y, z]| [x, y, z, 0.0]),
             size: light.environment.size(),
             columns,
             rows,

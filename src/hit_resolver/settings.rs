@@ -114,6 +114,19 @@ impl HitResolverSettings {
         }
     }
 
+    /// The same for bent normals, which a window turns where it bends their cone's edge: narrower than for occlusion. Measured in
+    /// three scenes, at 64 directions.
+    pub fn for_bent_normals(rays_per_pixel: u32) -> Self {
+        let few = rays_per_pixel.clamp(1, 64) as f32;
+        let spread = 5.0 * few.powf(-0.34);
+        Self {
+            radius: (1.6 * spread).round() as u32,
+            spread,
+            variance_clamp: 12.0 / few.sqrt(),
+            ..Self::default()
+        }
+    }
+
     /// Checks every field.
     ///
     /// # Errors

@@ -21,7 +21,10 @@ use crate::{
     gbuffer::GBuffer,
     gpu::compiler::Compiler,
     gpu::screen,
-    hit_resolver::{HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverView},
+    hit_resolver::{
+        HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverView,
+        settings::HitResolverSettings,
+    },
     ray_budget::{RayBudget, RayBudgetInput, view::RayBudgetView},
     receivers::{FrameInput, GBufferDecoder, Receivers, plane_bytes, plane_for},
     recorded::never,
@@ -112,7 +115,10 @@ pub struct RayTracedViewDescriptor {
 impl RayTracedViewDescriptor {
     /// Each frame for itself.
     pub fn new(effect: RayTracedEffect, quality: Quality, target: TextureFormat) -> Self {
-        let rays = quality.rays(effect.payload());
+        let mut rays = quality.rays(effect.payload());
+        if let RayTracedEffect::BentNormals { .. } = effect {
+            rays.filter = HitResolverSettings::for_bent_normals(rays.rays_per_pixel);
+        }
         Self {
             effect,
             rays: match effect.sampling() {

@@ -42,11 +42,13 @@ const MOST_RADIANCE: f64 = 1e18;
 
 /// What is not a number or negative counts as 0.
 pub fn clean(color: DVec3) -> DVec3 {
-    DVec3::from_array(
-        color
-            .to_array()
-            .map(|c| if c.is_nan() { 0.0 } else { c.clamp(0.0, MOST_RADIANCE) }),
-    )
+    DVec3::from_array(color.to_array().map(|c| {
+        if c.is_nan() {
+            0.0
+        } else {
+            c.clamp(0.0, MOST_RADIANCE)
+        }
+    }))
 }
 
 /// The solid angle between two polar angles, over 4 π.
@@ -223,7 +225,11 @@ impl Cells {
 
     fn row_range(&self, row: usize) -> [f64; 2] {
         [
-            if row == 0 { 0.0 } else { self.over_rows[row - 1] },
+            if row == 0 {
+                0.0
+            } else {
+                self.over_rows[row - 1]
+            },
             self.over_rows[row],
         ]
     }

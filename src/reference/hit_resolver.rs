@@ -268,17 +268,18 @@ impl HitResolution<'_> {
     }
 
     /// The same before it is held to what there can be, with neighbours' differences those of `leans` where there are any.
-    fn fit(
-        &self,
-        means: &[Mean],
-        leans: Option<&[DVec4]>,
-        near: &[f64],
-    ) -> Vec<Option<DVec3>> {
+    fn fit(&self, means: &[Mean], leans: Option<&[DVec4]>, near: &[f64]) -> Vec<Option<DVec3>> {
         let drawn = self.drawn();
         let width = self.size().x;
         (0..self.receivers.len() as i32)
             .into_par_iter()
-            .map(|i| self.reconstructed((means, leans, near), &drawn, IVec2::new(i % width, i / width)))
+            .map(|i| {
+                self.reconstructed(
+                    (means, leans, near),
+                    &drawn,
+                    IVec2::new(i % width, i / width),
+                )
+            })
             .collect()
     }
 

@@ -1,10 +1,10 @@
 //! Environments: tables and rays against the mirror, light against ray tracing.
 
 use deep_screen_space::{
-    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer,
-    Environment, EnvironmentBuilder, EnvironmentInput, EnvironmentLight, EnvironmentSettings,
-    EnvironmentSource, Error, Frame, HitLighting, HitRadiance, HitResolverDescriptor,
-    HitResolverInput, HitResolverSettings, Light, Payload, Quality, Sampling,
+    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Environment,
+    EnvironmentBuilder, EnvironmentInput, EnvironmentLight, EnvironmentSettings, EnvironmentSource,
+    Error, Frame, HitLighting, HitRadiance, HitResolverDescriptor, HitResolverInput,
+    HitResolverSettings, Light, Payload, Quality, Sampling,
     glam::{DQuat, DVec2, DVec3},
     reference::{
         bounced_z_buffer::Tracing,
@@ -16,13 +16,13 @@ use deep_screen_space::{
     spherical_gaussian::SphericalGaussian,
     wgpu,
 };
+use support::sky;
 use support::testing::{
     frames::Decoded,
     pipelines,
     rays::{self, AMPLE, lab, lights, relative, triangles},
     shot::{Shot, camera_of},
 };
-use support::sky;
 
 fn builder() -> &'static EnvironmentBuilder {
     pipelines::once(&(), |gpu| {
@@ -95,21 +95,54 @@ fn near(found: &[f64], expected: &[f64], scale: f64, name: &str) {
     assert_eq!(found.len(), expected.len(), "{name}");
     for (i, (found, expected)) in found.iter().zip(expected).enumerate() {
         let off = (found - expected).abs();
-        assert!(off <= TABLE_OFF * scale.max(expected.abs()), "{name} {i}: {found} for {expected}");
+        assert!(
+            off <= TABLE_OFF * scale.max(expected.abs()),
+            "{name} {i}: {found} for {expected}"
+        );
     }
 }
 
 fn compare_tables(name: &str, environment: &Environment, radiance: &Picture) {
     let found = read(environment, DQuat::IDENTITY);
     let expected = Cells::new(radiance.clone(), DQuat::IDENTITY);
-    let flat = |p: &Picture| p.texels.iter().flat_map(|t| t.to_array()).collect::<Vec<_>>();
-    near(&flat(&found.radiance), &flat(radiance), 0.0, &format!("{name} radiance"));
-    near(&found.in_rows, &expected.in_rows, 1.0, &format!("{name} rows"));
-    near(&found.over_rows, &expected.over_rows, 1.0, &format!("{name} columns"));
-    assert!(found.in_rows.is_sorted_by(|a, b| a <= b || *b <= 1.0), "{name}");
+    let flat = |p: &Picture| {
+        p.texels
+            .iter()
+            .flat_map(|t| t.to_array())
+            .collect::<Vec<_>>()
+    };
+    near(
+        &flat(&found.radiance),
+        &flat(radiance),
+        0.0,
+        &format!("{name} radiance"),
+    );
+    near(
+        &found.in_rows,
+        &expected.in_rows,
+        1.0,
+        &format!("{name} rows"),
+    );
+    near(
+        &found.over_rows,
+        &expected.over_rows,
+        1.0,
+        &format!("{name} columns"),
+    );
+    assert!(
+        found.in_rows.is_sorted_by(|a, b| a <= b || *b <= 1.0),
+        "{name}"
+    );
     let irradiance: Vec<[f32; 4]> = lab().gpu.read_buffer(environment.irradiance());
-    let found: Vec<f64> = irradiance.iter().flat_map(|c| [c[0], c[1], c[2]].map(f64::from)).collect();
-    let expected: Vec<f64> = expected.irradiance().iter().flat_map(DVec3::to_array).collect();
+    let found: Vec<f64> = irradiance
+        .iter()
+        .flat_map(|c| [c[0], c[1], c[2]].map(f64::from))
+        .collect();
+    let expected: Vec<f64> = expected
+        .irradiance()
+        .iter()
+        .flat_map(DVec3::to_array)
+        .collect();
     let scale = expected.iter().fold(0.0, |a: f64, b| a.max(b.abs()));
     near(&found, &expected, scale, &format!("{name} irradiance"));
 }
@@ -123,16 +156,34 @@ fn tables_are_the_mirrors() {
         compare_tables(&format!("{size:?}"), &pictured(&seen, size), &cells);
     }
     // One texel, black, and what a file may hold by mistake.
-    let one = Picture { size: [1, 1], texels: vec![DVec3::new(1e-12, 2e17, 3.0)] };
+    let one = Picture {
+        size: [1, 1],
+        texels: vec![DVec3::new(1e-12, 2e17, 3.0)],
+    };
     compare_tables("one", &pictured(&one, [16, 8]), &one.resampled([16, 8]));
-    let black = Picture { size: [3, 2], texels: vec![DVec3::ZERO; 6] };
-    compare_tables("black", &pictured(&black, [16, 8]), &black.resampled([16, 8]));
+    let black = Picture {
+        size: [3, 2],
+        texels: vec![DVec3::ZERO; 6],
+    };
+    compare_tables(
+        "black",
+        &pictured(&black, [16, 8]),
+        &black.resampled([16, 8]),
+    );
     let mut broken = Picture::of([16, 8], sky::dim);
-    for (i, value) in [f64::NAN, -3.0, f64::INFINITY, f64::NEG_INFINITY].into_iter().enumerate() {
+    for (i, value) in [f64::NAN, -3.0, f64::INFINITY, f64::NEG_INFINITY]
+        .into_iter()
+        .enumerate()
+    {
         broken.texels[20 * i][i % 3] = value;
     }
     let cleaned = broken.resampled([16, 8]);
-    assert!(cleaned.texels.iter().all(|t| t.is_finite() && t.min_element() >= 0.0));
+    assert!(
+        cleaned
+            .texels
+            .iter()
+            .all(|t| t.is_finite() && t.min_element() >= 0.0)
+    );
     compare_tables("broken", &pictured(&broken, [16, 8]), &cleaned);
     // Sums of harmonics and lobes.
     let harmonics: [[f32; 3]; 9] =
@@ -140,10 +191,22 @@ fn tables_are_the_mirrors() {
     let size = [32, 16];
     let expected = Picture::of([32, 16], |d| {
         let basis = harmonics_at(d);
-        clean((0..9).map(|i| DVec3::from(harmonics[i].map(f64::from)) * basis[i]).sum())
+        clean(
+            (0..9)
+                .map(|i| DVec3::from(harmonics[i].map(f64::from)) * basis[i])
+                .sum(),
+        )
     });
-    compare_tables("harmonics", &built(size, EnvironmentSource::SphericalHarmonics(&harmonics)), &expected);
-    let lobe = |axis: DVec3, sharpness| SphericalGaussian { axis: axis.as_vec3(), sharpness, amplitude: 2.0 };
+    compare_tables(
+        "harmonics",
+        &built(size, EnvironmentSource::SphericalHarmonics(&harmonics)),
+        &expected,
+    );
+    let lobe = |axis: DVec3, sharpness| SphericalGaussian {
+        axis: axis.as_vec3(),
+        sharpness,
+        amplitude: 2.0,
+    };
     let lobes = [
         (lobe(DVec3::new(0.6, 0.0, 0.8), 8.0), [1.0, 0.5, 0.2]),
         (lobe(DVec3::Y, 0.0), [0.1, 0.2, 0.3]),
@@ -154,7 +217,11 @@ fn tables_are_the_mirrors() {
         };
         lobes.iter().map(value).sum()
     });
-    compare_tables("lobes", &built(size, EnvironmentSource::SphericalGaussians(&lobes)), &expected);
+    compare_tables(
+        "lobes",
+        &built(size, EnvironmentSource::SphericalGaussians(&lobes)),
+        &expected,
+    );
 }
 
 /// Directions are as often where the density says, and looking one up gives the density that it was drawn with.
@@ -176,7 +243,9 @@ fn samples_follow_their_density() {
     let all = (n * n) as f64;
     assert!(counted >= 0.999 * all, "{counted} of {all}");
     // The flux over the sphere, in two ways.
-    let flux: DVec3 = (0..32 * 16).map(|i| cells.radiance.texels[i] * cells.radiance.solid_angle(i / 32)).sum();
+    let flux: DVec3 = (0..32 * 16)
+        .map(|i| cells.radiance.texels[i] * cells.radiance.solid_angle(i / 32))
+        .sum();
     let off = (integral / all / flux - 1.0).abs().max_element();
     assert!(off < 0.01, "{off}");
 }
@@ -184,7 +253,10 @@ fn samples_follow_their_density() {
 /// Of slow skies spherical harmonics give the irradiance within a hundredth of its mean, of a sun within a tenth of its peak.
 #[test]
 fn irradiance_is_the_integral() {
-    for (name, shown, bound) in [("dim", sky::dim as fn(DVec3) -> DVec3, 0.03), ("sunny", sunny, 0.11)] {
+    for (name, shown, bound) in [
+        ("dim", sky::dim as fn(DVec3) -> DVec3, 0.03),
+        ("sunny", sunny, 0.11),
+    ] {
         let picture = Picture::of([64, 32], shown);
         let environment = pictured(&picture, [64, 32]);
         let found: Vec<[f32; 4]> = lab().gpu.read_buffer(environment.irradiance());
@@ -224,12 +296,18 @@ impl Case {
         let shot = Shot::new(lab.gpu, scene, &camera);
         Self {
             senders: lab.senders(&shot.buffers.meshes(), &camera, &triangles(), AMPLE),
-            materials: lab.gpu.buffer(&scene.material_table(), wgpu::BufferUsages::STORAGE),
+            materials: lab
+                .gpu
+                .buffer(&scene.material_table(), wgpu::BufferUsages::STORAGE),
             shot,
         }
     }
 
-    fn frame<'a>(&'a self, encoder: &mut wgpu::CommandEncoder, decoded: &'a mut Decoded<'_>) -> Frame<'a> {
+    fn frame<'a>(
+        &'a self,
+        encoder: &mut wgpu::CommandEncoder,
+        decoded: &'a mut Decoded<'_>,
+    ) -> Frame<'a> {
         let origin = self.senders.cloud.origin();
         decoded.frame(encoder, self.shot.lit_gbuffer(), &self.shot.camera, origin)
     }
@@ -243,7 +321,10 @@ impl Case {
     ) -> BouncedInput<'a> {
         BouncedInput {
             radiance: match payload {
-                Payload::LitRadiance => HitRadiance::Lit(HitLighting { materials: &self.materials, lights }),
+                Payload::LitRadiance => HitRadiance::Lit(HitLighting {
+                    materials: &self.materials,
+                    lights,
+                }),
                 _ => HitRadiance::None,
             },
             environment,
@@ -254,7 +335,12 @@ impl Case {
     fn view(&self, descriptor: &BouncedDescriptor, rays_per_pixel: u32) -> BouncedView {
         let viewport = self.shot.camera.viewport();
         pipelines::bounced(descriptor)
-            .create_view(&lab().gpu.device, viewport.width, viewport.height, rays_per_pixel)
+            .create_view(
+                &lab().gpu.device,
+                viewport.width,
+                viewport.height,
+                rays_per_pixel,
+            )
             .expect("a view")
     }
 
@@ -291,20 +377,31 @@ impl Case {
         let device = &lab().gpu.device;
         let viewport = self.shot.camera.viewport();
         let scratch = resolver.create_view(device, hits).expect("a view");
-        let target = lab().gpu.target(wgpu::TextureFormat::Rgba32Float, viewport.width, viewport.height);
+        let target = lab().gpu.target(
+            wgpu::TextureFormat::Rgba32Float,
+            viewport.width,
+            viewport.height,
+        );
         let mut encoder = lab().gpu.encoder();
         let mut decoded = Decoded::of(&self.shot.camera);
         let frame = self.frame(&mut encoder, &mut decoded);
         let input = HitResolverInput::new(&frame, hits, target.texture());
-        resolver.record(device, &mut encoder, &input, settings, &scratch).expect("a picture");
+        resolver
+            .record(device, &mut encoder, &input, settings, &scratch)
+            .expect("a picture");
         lab().gpu.finish(encoder);
         let texels: Vec<[f32; 4]> = lab().gpu.read_texture(target.texture(), 0);
-        texels.iter().map(|[r, g, b, _]| DVec3::new((*r).into(), (*g).into(), (*b).into())).collect()
+        texels
+            .iter()
+            .map(|[r, g, b, _]| DVec3::new((*r).into(), (*g).into(), (*b).into()))
+            .collect()
     }
 
     fn truth(&self, environment: &Cells, radius: f64, rays: u32) -> Vec<Option<ColorEstimate>> {
         let receivers = sampled(&self.shot);
-        self.shot.tracer.environment_image(&receivers, environment, (radius, rays), 3, false)
+        self.shot
+            .tracer
+            .environment_image(&receivers, environment, (radius, rays), 3, false)
     }
 }
 
@@ -313,11 +410,17 @@ fn sampled(shot: &Shot) -> Vec<Option<Receiver>> {
     let width = shot.camera.viewport().width as usize;
     let is_taken = |i: usize| i % width % 3 == 1 && i / width % 3 == 1;
     let pixels = shot.pixels.iter().enumerate();
-    pixels.map(|(i, p)| p.filter(|_| is_taken(i)).map(|p| p.receiver)).collect()
+    pixels
+        .map(|(i, p)| p.filter(|_| is_taken(i)).map(|p| p.receiver))
+        .collect()
 }
 
 fn descriptor(payload: Payload) -> BouncedDescriptor {
-    BouncedDescriptor { payload, environment: true, ..BouncedDescriptor::default() }
+    BouncedDescriptor {
+        payload,
+        environment: true,
+        ..BouncedDescriptor::default()
+    }
 }
 
 fn turned() -> DQuat {
@@ -330,10 +433,20 @@ fn rays_are_the_mirrors() {
     for (scene, payload, rays_per_pixel, radius, share) in [
         (scenes::cornell(), Payload::Sky, 5, f32::INFINITY, 0.5),
         (scenes::dominoes(), Payload::Sky, 6, 0.3, 1.0),
-        (scenes::dominoes(), Payload::LitRadiance, 4, f32::INFINITY, 0.5),
+        (
+            scenes::dominoes(),
+            Payload::LitRadiance,
+            4,
+            f32::INFINITY,
+            0.5,
+        ),
     ] {
         let case = Case::new(&scene, 0, [24, 20]);
-        let all = if payload == Payload::Sky { Vec::new() } else { lights(&scene, 1.0, DVec3::ZERO) };
+        let all = if payload == Payload::Sky {
+            Vec::new()
+        } else {
+            lights(&scene, 1.0, DVec3::ZERO)
+        };
         let settings = BouncedSettings {
             rays_per_pixel,
             radius,
@@ -341,8 +454,14 @@ fn rays_are_the_mirrors() {
             frame: 3,
             ..BouncedSettings::default()
         };
-        let light = EnvironmentLight { environment: &environment, rotation: turned() };
-        let found = lab().colors(&case.trace(&descriptor(payload), &all, Some(light), &settings), &settings);
+        let light = EnvironmentLight {
+            environment: &environment,
+            rotation: turned(),
+        };
+        let found = lab().colors(
+            &case.trace(&descriptor(payload), &all, Some(light), &settings),
+            &settings,
+        );
         let origin = case.senders.cloud.origin();
         let receivers = case.shot.receivers(origin);
         let tracing = Tracing {
@@ -367,9 +486,17 @@ fn rays_are_the_mirrors() {
             farther += usize::from(off > OFF * expected.max_element());
             lit += usize::from(expected.max_element() > 0.0);
         }
-        println!("{} {payload:?}: {farther} of {} differ, {lit} lit", scene.name, found.len());
+        println!(
+            "{} {payload:?}: {farther} of {} differ, {lit} lit",
+            scene.name,
+            found.len()
+        );
         assert!(lit * 10 > found.len(), "{lit} of {}", found.len());
-        assert!(farther as f64 <= FARTHER * found.len() as f64, "{farther} of {}", found.len());
+        assert!(
+            farther as f64 <= FARTHER * found.len() as f64,
+            "{farther} of {}",
+            found.len()
+        );
     }
 }
 
@@ -442,7 +569,10 @@ fn light_of_skies_has_no_bias() {
         let [error, bias] = off(&case.resolve(&hits, &unfiltered), &truth);
         println!("share {share}: {error:.4}, bias {bias:+.4}");
         // Pixels' noise over the root of some hundred and seventy of them; twice that.
-        assert!(bias.abs() <= f64::max(0.15 * error, 0.003), "{share}: {bias} of {error}");
+        assert!(
+            bias.abs() <= f64::max(0.15 * error, 0.003),
+            "{share}: {bias} of {error}"
+        );
     }
 }
 
@@ -470,12 +600,22 @@ fn even_skies_are_one_color() {
     };
     let expected = lab().colors(&case.trace(&one, &all, None, &settings), &settings);
     let light = EnvironmentLight::new(&environment);
-    let found = case.trace(&descriptor(Payload::LitRadiance), &all, Some(light), &settings);
+    let found = case.trace(
+        &descriptor(Payload::LitRadiance),
+        &all,
+        Some(light),
+        &settings,
+    );
     let found = lab().colors(&found, &settings);
     for (found, expected) in found.iter().zip(&expected) {
-        let off = (unpack_color(*found) - unpack_color(*expected)).abs().max_element();
+        let off = (unpack_color(*found) - unpack_color(*expected))
+            .abs()
+            .max_element();
         // A weight of one but for a rounding may pack to the next step.
-        assert!(off <= 0.01 * unpack_color(*expected).max_element(), "{found:x} {expected:x}");
+        assert!(
+            off <= 0.01 * unpack_color(*expected).max_element(),
+            "{found:x} {expected:x}"
+        );
     }
 }
 
@@ -497,9 +637,18 @@ fn what_does_not_fit_is_a_typed_error() {
     };
     // What an environment does not go with.
     for bad in [
-        BouncedDescriptor { environment: false, ..descriptor(Payload::Sky) },
-        BouncedDescriptor { sampling: Sampling::Glossy, ..descriptor(Payload::Sky) },
-        BouncedDescriptor { sampling: Sampling::Uniform, ..descriptor(Payload::LitRadiance) },
+        BouncedDescriptor {
+            environment: false,
+            ..descriptor(Payload::Sky)
+        },
+        BouncedDescriptor {
+            sampling: Sampling::Glossy,
+            ..descriptor(Payload::Sky)
+        },
+        BouncedDescriptor {
+            sampling: Sampling::Uniform,
+            ..descriptor(Payload::LitRadiance)
+        },
         descriptor(Payload::Occlusion),
     ] {
         let made = BouncedZBuffer::new(device, &bad).map(|_| ());
@@ -512,11 +661,20 @@ fn what_does_not_fit_is_a_typed_error() {
         ([32, 7], "EnvironmentSettings::size[1]"),
         ([32, 33], "EnvironmentSettings::size[1]"),
     ] {
-        setting(builder().create(device, &EnvironmentSettings { size }).map(|_| ()), name);
+        setting(
+            builder()
+                .create(device, &EnvironmentSettings { size })
+                .map(|_| ()),
+            name,
+        );
     }
     let settings = EnvironmentSettings { size: [16, 8] };
     let environment = builder().create(device, &settings).expect("room");
-    let lobe = SphericalGaussian { axis: DVec3::Y.as_vec3(), sharpness: 1.0, amplitude: 1.0 };
+    let lobe = SphericalGaussian {
+        axis: DVec3::Y.as_vec3(),
+        sharpness: 1.0,
+        amplitude: 1.0,
+    };
     let lobes = [(lobe, [1.0; 3]); 17];
     setting(
         refused(&environment, EnvironmentSource::SphericalGaussians(&lobes)),
@@ -524,7 +682,10 @@ fn what_does_not_fit_is_a_typed_error() {
     );
     let target = |format, width| lab().gpu.storage(format, width, 4);
     let picture = |view: &wgpu::TextureView| {
-        refused(&environment, EnvironmentSource::Equirectangular(view.texture().into()))
+        refused(
+            &environment,
+            EnvironmentSource::Equirectangular(view.texture().into()),
+        )
     };
     let words = target(wgpu::TextureFormat::R32Uint, 8);
     assert!(matches!(picture(&words), Err(Error::Format { .. })));
@@ -534,7 +695,10 @@ fn what_does_not_fit_is_a_typed_error() {
     assert!(picture(&depth).is_err());
     // Single hits of directions that an environment drew cannot be weighed anew.
     let case = Case::new(&scenes::cornell(), 0, [8, 8]);
-    let bounced = BouncedSettings { rays_per_pixel: 2, ..BouncedSettings::default() };
+    let bounced = BouncedSettings {
+        rays_per_pixel: 2,
+        ..BouncedSettings::default()
+    };
     let view = case.view(&descriptor(Payload::Sky), 2);
     let mut decoded = Decoded::of(&case.shot.camera);
     let frame = case.frame(&mut lab().gpu.encoder(), &mut decoded);
@@ -556,11 +720,20 @@ fn what_does_not_fit_is_a_typed_error() {
     let harmonics = [[1.0; 3]; 9];
     let even = EnvironmentSource::SphericalHarmonics(&harmonics);
     assert_eq!(refused(&environment, even), Ok(()));
-    for rotation in [DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0), DQuat::from_xyzw(f64::NAN, 0.0, 0.0, 1.0)] {
-        setting(trace(Some(EnvironmentLight { rotation, ..light })), "EnvironmentLight::rotation");
+    for rotation in [
+        DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0),
+        DQuat::from_xyzw(f64::NAN, 0.0, 0.0, 1.0),
+    ] {
+        setting(
+            trace(Some(EnvironmentLight { rotation, ..light })),
+            "EnvironmentLight::rotation",
+        );
     }
     assert_eq!(trace(Some(light)), Ok(()));
-    let share = BouncedSettings { environment_share: 1.5, ..bounced };
+    let share = BouncedSettings {
+        environment_share: 1.5,
+        ..bounced
+    };
     setting(share.validate(), "BouncedSettings::environment_share");
     let deferred = pipelines::hit_resolver(&HitResolverDescriptor {
         payload: Payload::Sky,
@@ -587,15 +760,29 @@ fn what_does_not_fit_is_a_typed_error() {
 fn nothing_is_bound_without_an_environment() {
     let effect = deep_screen_space::AmbientOcclusion::default().effect();
     let all = deep_screen_space::shaders(&effect).expect("modules");
-    let rays = all.iter().filter(|s| s.name.starts_with("bounced_z_buffer"));
+    let rays = all
+        .iter()
+        .filter(|s| s.name.starts_with("bounced_z_buffer"));
     let (with, without): (Vec<_>, Vec<_>) =
         rays.partition(|s| s.name.contains("sky") || s.name.contains("environment"));
     assert!(with.len() > 10 && without.len() > 10);
     for shader in without {
-        let text: Vec<_> = shader.source.lines().filter(|l| !l.trim_start().starts_with("//")).collect();
-        assert!(!text.iter().any(|line| line.contains("environment")), "{}", shader.name);
+        let text: Vec<_> = shader
+            .source
+            .lines()
+            .filter(|l| !l.trim_start().starts_with("//"))
+            .collect();
+        assert!(
+            !text.iter().any(|line| line.contains("environment")),
+            "{}",
+            shader.name
+        );
     }
     for shader in with {
-        assert!(shader.source.contains("environment_radiance"), "{}", shader.name);
+        assert!(
+            shader.source.contains("environment_radiance"),
+            "{}",
+            shader.name
+        );
     }
 }

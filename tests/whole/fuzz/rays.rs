@@ -3,10 +3,9 @@
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedScene, BouncedSettings, BouncedZBuffer, DiskSettings,
     Environment, EnvironmentBuilder, EnvironmentInput, EnvironmentLight, EnvironmentSettings,
-    EnvironmentSource,
-    GBuffer, HitLighting, HitRadiance, HitResolver, HitResolverDescriptor, HitResolverInput,
-    HitResolverSettings, Merge, Payload, Placement, Primitives, RayBudget, RayBudgetInput,
-    RayBudgetSettings, Sampling,
+    EnvironmentSource, GBuffer, HitLighting, HitRadiance, HitResolver, HitResolverDescriptor,
+    HitResolverInput, HitResolverSettings, Merge, Payload, Placement, Primitives, RayBudget,
+    RayBudgetInput, RayBudgetSettings, Sampling,
     glam::DQuat,
     wgpu::{TextureFormat, TextureUsages},
 };
