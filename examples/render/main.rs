@@ -20,6 +20,7 @@ use std::{path::PathBuf, process::ExitCode};
 
 use clap::Parser;
 use deep_screen_space::{
+    HitResolver,
     glam::{DQuat, DVec3},
     reference::{
         environment::Cells,
@@ -251,7 +252,9 @@ fn write(
         files::write_png_rgb(&png, width, height, &shown, 1.0)?;
     } else if options.colors() {
         files::write_exr_rgb(&path("exr"), width, height, pixels)?;
-        files::write_png_rgb(&png, width, height, pixels, 2.0)?;
+        // A sky is brighter than what rooms reflect.
+        let exposure = if options.effect == "do" { 0.5 } else { 2.0 };
+        files::write_png_rgb(&png, width, height, pixels, exposure)?;
     } else {
         let grey: Vec<f32> = pixels.iter().map(|p| p[0]).collect();
         files::write_exr(&path("exr"), width, height, &grey)?;
@@ -260,11 +263,33 @@ fn write(
     Ok(png)
 }
 
-/// The truth of each pixel; for ambient occlusion in all channels.
+/// By how much bent normals are turned off the traced ones.
+fn report_angles(truth: &[Option<BentEstimate>], pixels: &[[f32; 3]]) {
+    let (mut sums, mut counts) = ([0.0; 2], [0_u32; 2]);
+    for (truth, pixel) in truth.iter().zip(pixels) {
+        if let Some(truth) = truth.filter(|truth| truth.visibility > 0.0) {
+            let cone = HitResolver::cone_angle(truth.visibility as f32).to_degrees();
+            let wide = usize::from(cone >= 60.0);
+            let found = DVec3::from(pixel.map(f64::from));
+            // Rasterised, an edge may be the sky's where a ray meets what it is of.
+            if found == DVec3::ZERO {
+                continue;
+            }
+            sums[wide] += found.angle_between(truth.mean).to_degrees();
+            counts[wide] += 1;
+        }
+    }
+    for (which, i) in [("narrower than 60°", 0), ("wider", 1)] {
+        let mean = sums[i] / f64::from(counts[i].max(1));
+        println!("cones {which}: off by {mean:.2}° over {} pixels", counts[i]);
+    }
+}
+
+/// The truth of each pixel; for ambient occlusion in all channels. Of bent normals it says how far off `pixels` are.
 fn truth(
     options: &Options,
     scene: &Scene,
-    shot: &Shot,
+    (shot, pixels): (&Shot, &[[f32; 3]]),
     radius: f32,
     rays: u32,
 ) -> Result<Vec<Option<DVec3>>, String> {
@@ -279,6 +304,7 @@ fn truth(
     }
     if options.effect == "bent" {
         let truth = tracer.bent_normal_image(&receivers, f64::from(radius), rays, 1, true);
+        report_angles(&truth, pixels);
         let bent = |e: BentEstimate| e.mean.normalize_or_zero();
         return Ok(truth.into_iter().map(|e| e.map(bent)).collect());
     }
@@ -319,7 +345,7 @@ fn compare(
     radius: f32,
     rays: u32,
 ) -> Result<Off, String> {
-    let truth = truth(options, scene, shot, radius, rays)?;
+    let truth = truth(options, scene, (shot, pixels), radius, rays)?;
     let (mut squares, mut bias, mut mean, mut count) = (0.0, 0.0, 0.0, 0_u32);
     let empty = if options.colors() { [0.0; 3] } else { [1.0; 3] };
     let mut image = vec![empty; pixels.len()];

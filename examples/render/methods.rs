@@ -1,7 +1,7 @@
 //! The ways to render a picture.
 
 use deep_screen_space::{
-    AmbientOcclusion, CloudCapacity, EnvironmentBuilder, EnvironmentSettings, Error, Overlap,
+    AmbientOcclusion, CloudCapacity, EnvironmentBuilder, EnvironmentSettings, Error, HitResolverSettings, Overlap,
     Payload, Piece, RaySettings, SurfelCounts, scenes::Scene,
 };
 use serde_json::{Value, json};
@@ -224,6 +224,10 @@ pub fn bounced(
         let rays_per_pixel = preset.bounced.rays_per_pixel;
         let rays = RaySettings::with_further(rays_per_pixel, further, payload);
         preset = presets::of(&rays, radius);
+    }
+    if options.effect == "bent" {
+        preset.reconstructor =
+            HitResolverSettings::for_bent_normals(preset.bounced.rays_per_pixel);
     }
     if let Some(window) = options.window {
         preset.reconstructor.radius = window;

@@ -416,7 +416,8 @@ fn skies_and_bent_normals() {
     // Half of these rays are drawn over the whole sphere: noise of some thousandths is left.
     assert!((red / 0.5 / open - 1.0).abs() < 0.02, "{red} of {open}");
     assert!((blue / red / 0.25 - 1.0).abs() < 0.01, "{blue} of {red}");
-    assert!((w - open).abs() < 2e-3, "{w} of {open}");
+    // Filtered by another window.
+    assert!((w - open).abs() < 5e-3, "{w} of {open}");
     let one_color = RayTracedViewDescriptor {
         rays: RaySettings::new(64, Payload::LitRadiance),
         ..RayTracedViewDescriptor::new(DIFFUSE, Quality::Accurate, Format::Rgba32Float)

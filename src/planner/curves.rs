@@ -1,0 +1,80 @@
+//! How the error falls along each method's settings: `cargo bench --bench trade` measures it, and prints this table.
+
+/// Rays per pixel of the rungs.
+pub(super) const RAYS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
+
+/// One method's errors, from its cheapest rung to its dearest.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Curve {
+    /// Root mean square errors in units of that of the first rung that a calibration renders: geometric means over scenes.
+    pub errors: &'static [f64],
+    /// That rung's own error where nothing is known of the scene: the geometric mean over scenes.
+    pub typical: f64,
+    /// The same in units of its difference from 64 rays per pixel.
+    pub of_difference: f64,
+}
+
+impl Curve {
+    /// The error of a setting whose work lies among those of the rungs: straight between two, both by their logarithms.
+    pub fn at(&self, works: &[f64], work: f64) -> f64 {
+        let above = works
+            .partition_point(|&w| w < work)
+            .clamp(1, works.len().max(2) - 1);
+        let (x, y) = (&works[above - 1..=above], &self.errors[above - 1..=above]);
+        let share = ((work / x[0]).ln() / (x[1] / x[0]).ln()).clamp(0.0, 1.0);
+        y[0] * (y[1] / y[0]).powf(share)
+    }
+}
+
+/// The methods of an effect.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Curves {
+    pub rays: Curve,
+    pub splats: Option<Curve>,
+    pub obscurance: Option<Curve>,
+}
+
+/// Visibility within a radius.
+pub(super) const WITHIN_RADIUS: Curves = Curves {
+    rays: Curve {
+        errors: &[1.519, 1.320, 1.0, 0.868, 0.732, 0.638, 0.562],
+        typical: 0.0268,
+        of_difference: 1.482,
+    },
+    splats: Some(Curve {
+        errors: &[1.0, 0.823, 0.783],
+        typical: 0.0701,
+        of_difference: 1.066,
+    }),
+    obscurance: Some(Curve {
+        errors: &[1.0, 0.978, 0.952],
+        typical: 0.1226,
+        of_difference: 1.031,
+    }),
+};
+
+/// Visibility without a radius.
+pub(super) const UNBOUNDED: Curves = Curves {
+    rays: Curve {
+        errors: &[1.607, 1.403, 1.0, 0.850, 0.714, 0.626, 0.558],
+        typical: 0.0255,
+        of_difference: 1.346,
+    },
+    splats: Some(Curve {
+        errors: &[1.0, 0.858, 0.830],
+        typical: 0.0756,
+        of_difference: 1.041,
+    }),
+    obscurance: None,
+};
+
+/// One diffuse bounce of light.
+pub(super) const LIGHT: Curves = Curves {
+    rays: Curve {
+        errors: &[1.717, 1.455, 1.0, 0.826, 0.659, 0.526, 0.431],
+        typical: 0.3918,
+        of_difference: 1.149,
+    },
+    splats: None,
+    obscurance: None,
+};
