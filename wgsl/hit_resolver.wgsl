@@ -16,8 +16,8 @@
 // With #if GLOSSY a receiver mirrors radiance by its lobe (wgsl/common/ggx.wgsl), and a neighbour counts as far as its lobe
 // overlaps the pixel's.
 //
-// With #if BENT the picture is the mean of the directions in which nothing is hit, and the share of them. What is gathered is by how
-// much that mean leans off the one of all the pixel's directions, which is known to be along its normal.
+// With #if BENT the picture is the mean of the directions in which nothing is hit, and the share of them. What is gathered is by
+// how much that mean leans off the one of all the pixel's directions, which is known to be along its normal.
 //
 // With #if COUNTED pixels have different numbers of rays, and those that have none take their light from the others. A pixel
 // counts alike whatever its number: that follows from what its neighbours' rays brought, and weights that did too would

@@ -24,7 +24,7 @@ use deep_screen_space::{
     glam::{DQuat, DVec3},
     reference::{
         environment::Cells,
-        trace::{BentEstimate, Receiver, Tracer},
+        trace::{BentEstimate, ColorEstimate, Estimate, Receiver, Tracer},
     },
     scenes::{self, Scene},
 };
@@ -70,8 +70,8 @@ pub(crate) struct Options {
     /// Size of the picture in pixels, `WxH`.
     #[arg(long, value_parser = arguments::parse_size)]
     size: Option<[u32; 2]>,
-    /// What to compute: ambient occlusion, one bounce of diffuse light, directional occlusion, bent normals, volumetric obscurance, soft shadows or indirect light
-    /// from the G-buffer alone, or a bounce from a reflective shadow map on a hull.
+    /// What to compute: ambient occlusion, one bounce of diffuse light, directional occlusion, bent normals, volumetric
+    /// obscurance, soft shadows or indirect light from the G-buffer alone, or a bounce from a reflective shadow map on a hull.
     #[arg(long, default_value = "ao", value_parser = ["ao", "gi", "do", "bent", "vo", "shadow", "ssgi", "sg"])]
     pub(crate) effect: String,
     /// Compute `vo`, `shadow` or `ssgi` at the resolution that each part of the picture needs, by a multi-resolution mask, and
@@ -210,8 +210,8 @@ pub(crate) fn draw(gpu: &Gpu, options: &Options, scene: &Scene, shot: &Shot) -> 
     report_overflow(&rendered);
     if let Some(off) = off {
         println!(
-            "against {} rays per pixel: RMSE {:.4}, bias {:+.4}, mean {:.4} over {} pixels",
-            off.rays, off.rmse, off.bias, off.mean, off.pixels
+            "against {} rays per pixel: RMSE {:.4} (theirs {:.4}), bias {:+.4}, mean {:.4} over {} pixels",
+            off.rays, off.rmse, off.noise, off.bias, off.mean, off.pixels
         );
     }
     Ok(())
@@ -292,37 +292,47 @@ fn truth(
     (shot, pixels): (&Shot, &[[f32; 3]]),
     radius: f32,
     rays: u32,
-) -> Result<Vec<Option<DVec3>>, String> {
+) -> Result<Vec<Option<ColorEstimate>>, String> {
     let tracer = Tracer::new(&scene.positions, &scene.indices).map_err(|e| e.to_string())?;
     let receivers: Vec<Option<Receiver>> = shot.receivers(scene, &tracer);
-    if options.effect == "do" {
-        let shown = sky::by_name(&options.sky).ok_or("no such sky")?;
-        let cells = Cells::new(shown, DQuat::IDENTITY);
-        let how = (f64::from(radius), rays);
-        let truth = tracer.environment_image(&receivers, &cells, how, 1, true);
-        return Ok(truth.into_iter().map(|e| e.map(|e| e.mean)).collect());
+    let reach = f64::from(radius);
+    match options.effect.as_str() {
+        "do" => {
+            let shown = sky::by_name(&options.sky).ok_or("no such sky")?;
+            let cells = Cells::new(shown, DQuat::IDENTITY);
+            Ok(tracer.environment_image(&receivers, &cells, (reach, rays), 1, true))
+        }
+        "bent" => {
+            let truth = tracer.bent_normal_image(&receivers, reach, rays, 1, true);
+            report_angles(&truth, pixels);
+            let bent = |e: BentEstimate| ColorEstimate {
+                mean: e.mean.normalize_or_zero(),
+                standard_error: DVec3::ZERO,
+            };
+            Ok(truth.into_iter().map(|e| e.map(bent)).collect())
+        }
+        "gi" => {
+            let materials = scene.triangle_materials();
+            let albedo = shot.albedo(scene, &tracer);
+            let lights = &shot.lights;
+            let truth = tracer.one_bounce_image(&receivers, &materials, lights, rays, 1, true);
+            let sent = |(estimate, albedo): (Option<ColorEstimate>, DVec3)| {
+                estimate.map(|e| ColorEstimate {
+                    mean: e.mean * albedo,
+                    standard_error: e.standard_error * albedo,
+                })
+            };
+            Ok(truth.into_iter().zip(albedo).map(sent).collect())
+        }
+        _ => {
+            let truth = tracer.ambient_occlusion_image(&receivers, reach, rays, 1, true);
+            let grey = |e: Estimate| ColorEstimate {
+                mean: DVec3::splat(e.mean),
+                standard_error: DVec3::splat(e.standard_error),
+            };
+            Ok(truth.into_iter().map(|e| e.map(grey)).collect())
+        }
     }
-    if options.effect == "bent" {
-        let truth = tracer.bent_normal_image(&receivers, f64::from(radius), rays, 1, true);
-        report_angles(&truth, pixels);
-        let bent = |e: BentEstimate| e.mean.normalize_or_zero();
-        return Ok(truth.into_iter().map(|e| e.map(bent)).collect());
-    }
-    if !options.gi() {
-        let truth = tracer.ambient_occlusion_image(&receivers, f64::from(radius), rays, 1, true);
-        return Ok(truth
-            .into_iter()
-            .map(|estimate| estimate.map(|e| DVec3::splat(e.mean)))
-            .collect());
-    }
-    let materials = scene.triangle_materials();
-    let albedo = shot.albedo(scene, &tracer);
-    let truth = tracer.one_bounce_image(&receivers, &materials, &shot.lights, rays, 1, true);
-    Ok(truth
-        .into_iter()
-        .zip(albedo)
-        .map(|(estimate, albedo)| estimate.map(|e| e.mean * albedo))
-        .collect())
 }
 
 /// How far a picture is off the truth, over the pixels that show something.
@@ -330,6 +340,8 @@ fn truth(
 struct Off {
     rays: u32,
     rmse: f64,
+    /// Root mean square of the truth's own standard errors, which is in `rmse`.
+    noise: f64,
     bias: f64,
     /// Of the truth.
     mean: f64,
@@ -346,18 +358,20 @@ fn compare(
     rays: u32,
 ) -> Result<Off, String> {
     let truth = truth(options, scene, (shot, pixels), radius, rays)?;
-    let (mut squares, mut bias, mut mean, mut count) = (0.0, 0.0, 0.0, 0_u32);
+    let (mut squares, mut noise, mut bias, mut mean) = (0.0, 0.0, 0.0, 0.0);
+    let mut count = 0_u32;
     let empty = if options.colors() { [0.0; 3] } else { [1.0; 3] };
     let mut image = vec![empty; pixels.len()];
     let mut difference = vec![[0.0; 3]; pixels.len()];
     for (i, truth) in truth.iter().enumerate() {
         if let Some(truth) = truth {
-            let error = DVec3::from(pixels[i].map(f64::from)) - *truth;
-            image[i] = truth.as_vec3().to_array();
+            let error = DVec3::from(pixels[i].map(f64::from)) - truth.mean;
+            image[i] = truth.mean.as_vec3().to_array();
             difference[i] = (4.0 * error.abs()).as_vec3().to_array();
             squares += error.length_squared() / 3.0;
             bias += error.element_sum() / 3.0;
-            mean += truth.element_sum() / 3.0;
+            mean += truth.mean.element_sum() / 3.0;
+            noise += truth.standard_error.length_squared() / 3.0;
             count += 1;
         }
     }
@@ -367,6 +381,7 @@ fn compare(
     Ok(Off {
         rays,
         rmse: (squares / n).sqrt(),
+        noise: (noise / n).sqrt(),
         bias: bias / n,
         mean: mean / n,
         pixels: count,

@@ -157,9 +157,10 @@ pub struct BouncedDescriptor {
     pub counted: bool,
     /// Whether rays that meet nothing bring what an [`Environment`](crate::Environment) has there
     /// ([`BouncedInput::environment`](crate::BouncedInput::environment)) in place of
-    /// [`BouncedSettings::sky_radiance`](crate::BouncedSettings::sky_radiance). With [`Sampling::Cosine`] some of a pixel's rays then go where the environment is
-    /// bright ([`BouncedSettings::environment_share`](crate::BouncedSettings::environment_share)), and what rays bring is weighed
-    /// by multiple importance sampling (balance heuristic; Veach and Guibas, *Optimally Combining Sampling Techniques for Monte
+    /// [`BouncedSettings::sky_radiance`](crate::BouncedSettings::sky_radiance). With [`Sampling::Cosine`] some of a pixel's rays
+    /// then go where the environment is bright
+    /// ([`BouncedSettings::environment_share`](crate::BouncedSettings::environment_share)), and what rays bring is weighed by
+    /// multiple importance sampling (balance heuristic; Veach and Guibas, *Optimally Combining Sampling Techniques for Monte
     /// Carlo Rendering*, 1995), so that their mean has no bias. Not with [`Payload::Occlusion`], nor with [`Sampling::Uniform`].
     pub environment: bool,
 }

@@ -76,8 +76,8 @@ impl Environment {
         &self.radiance
     }
 
-    /// The distribution that rays are drawn by (`R32Float`, usages `TEXTURE_BINDING | COPY_SRC`): in each row, up to each cell, the
-    /// share of what the whole row has; and in one row more, up to each row, the share of all, by radiance times solid angle,
+    /// The distribution that rays are drawn by (`R32Float`, usages `TEXTURE_BINDING | COPY_SRC`): in each row, up to each cell,
+    /// the share of what the whole row has; and in one row more, up to each row, the share of all, by radiance times solid angle,
     /// the mean of the channels.
     pub fn distribution(&self) -> &TextureView {
         &self.distribution
@@ -240,8 +240,8 @@ impl EnvironmentBuilder {
     /// Records what an environment shows from now on.
     ///
     /// # Errors
-    /// [`Error::Shape`], [`Error::Format`] and [`Error::Usage`] for a picture; [`Error::Mismatch`] for one of more than 128 texels
-    /// per cell each way; [`Error::Setting`] for more than 16 lobes.
+    /// [`Error::Shape`], [`Error::Format`] and [`Error::Usage`] for a picture; [`Error::Mismatch`] for one of more than 128
+    /// texels per cell each way; [`Error::Setting`] for more than 16 lobes.
     pub fn record(
         &self,
         device: &Device,

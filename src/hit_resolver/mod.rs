@@ -41,8 +41,8 @@ const LABEL: &str = "deep-screen-space hit resolver";
 /// Gathers the hits of a [`BouncedZBuffer`](crate::BouncedZBuffer) over each pixel's neighbourhood, as wide as they are far away,
 /// fits a plane to what it finds there, and writes its value at the pixel into the caller's texture: with [`Payload::Occlusion`]
 /// ambient visibility, 1 = open, with [`Payload::Radiance`] the radiance that a diffuse surface of the G-buffer's albedo sends
-/// on, linear RGB, W/(m² sr), and with [`Payload::Sky`] what a white one sends on of an environment: irradiance over π. The sky is
-/// open, and dark. Made for either kind of radiance it takes the other too, with or without albedo as it was made for.
+/// on, linear RGB, W/(m² sr), and with [`Payload::Sky`] what a white one sends on of an environment: irradiance over π. The sky
+/// is open, and dark. Made for either kind of radiance it takes the other too, with or without albedo as it was made for.
 ///
 /// With [`Sampling::Glossy`] the surface is glossy instead: `∫ L(ω) f(ω, view) ⟨n, ω⟩ dω` with `f = D G F / (4 ⟨n, ω⟩ ⟨n,
 /// view⟩)`, D and G those of Trowbridge-Reitz (GGX) with correlated heights (Heitz, *Understanding the Masking-Shadowing

@@ -43,8 +43,8 @@ pub enum RayTracedEffect {
         /// The distance beyond which nothing occludes, world units, ≥ 0; `f32::INFINITY` for none.
         radius: f32,
     },
-    /// What a white diffuse surface sends on of an [`Environment`](crate::Environment), where nothing hides it: irradiance over π,
-    /// W/(m² sr), linear RGB; times a surface's albedo what it reflects. The environment is [`RayTracedInput::environment`]'s.
+    /// What a white diffuse surface sends on of an [`Environment`](crate::Environment), where nothing hides it: irradiance over
+    /// π, W/(m² sr), linear RGB; times a surface's albedo what it reflects. The environment is [`RayTracedInput::environment`]'s.
     DirectionalOcclusion {
         /// The distance beyond which nothing occludes, world units, ≥ 0; `f32::INFINITY` for none.
         radius: f32,
@@ -217,8 +217,8 @@ impl RayTracedView {
     ///
     /// # Errors
     /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats; [`Error::Setting`] for settings out of
-    /// range; [`Error::Feature`] and [`Error::Limit`] for primitives that the device was not made for; [`Error::Mismatch`] for bent
-    /// normals over frames.
+    /// range; [`Error::Feature`] and [`Error::Limit`] for primitives that the device was not made for; [`Error::Mismatch`] for
+    /// bent normals over frames.
     pub fn new<'a>(
         compiler: impl Into<Compiler<'a>>,
         descriptor: &RayTracedViewDescriptor,
@@ -325,11 +325,12 @@ impl RayTracedView {
     /// Records the effect into the caller's texture.
     ///
     /// # Errors
-    /// [`Error::Recording`] where the scene or the environment was not recorded; [`Error::Mismatch`] where it is of other primitives, where light is
-    /// asked for and it was recorded without lighting, where an environment is needed and there is none, or where the G-buffer lacks the albedo or roughness that the effect
-    /// needs; what [`GBuffer::validate`] finds; [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target;
-    /// [`Error::Limit`] for a viewport beyond the device's. What [`TemporalAccumulator::record`] finds of motion vectors comes
-    /// after the frame's rays were recorded, and leaves the target alone.
+    /// [`Error::Recording`] where the scene or the environment was not recorded; [`Error::Mismatch`] where it is of other
+    /// primitives, where light is asked for and it was recorded without lighting, where an environment is needed and there is
+    /// none, or where the G-buffer lacks the albedo or roughness that the effect needs; what [`GBuffer::validate`] finds;
+    /// [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target; [`Error::Limit`] for a viewport beyond the
+    /// device's. What [`TemporalAccumulator::record`] finds of motion vectors comes after the frame's rays were recorded, and
+    /// leaves the target alone.
     pub fn record(
         &mut self,
         device: &Device,
