@@ -171,6 +171,7 @@ impl<'o> Studio<'o> {
                 deferred,
                 counted: false,
                 joined: false,
+                bent_normals: false,
                 target: TextureFormat::Rgba32Float,
             };
             Gatherer::new(&gpu, descriptor, size, MANY, false)

@@ -94,6 +94,7 @@ mod camera;
 mod depth_moments;
 mod effect;
 mod effects;
+mod environment;
 mod error;
 mod gbuffer;
 mod geometry;
@@ -145,6 +146,10 @@ pub use effect::{Channels, Effect};
 pub use effects::{
     ambient_occlusion::{AmbientOcclusion, Overlap},
     diffuse_bounce::DiffuseBounce,
+};
+pub use environment::{
+    Environment, EnvironmentBuilder, EnvironmentInput, EnvironmentLight, EnvironmentSource,
+    settings::EnvironmentSettings,
 };
 pub use error::Error;
 pub use gbuffer::{GBuffer, NormalEncoding, NormalSpace, Normals};

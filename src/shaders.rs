@@ -3,6 +3,7 @@
 use crate::{
     bounced_z_buffer, bvh, depth_moments,
     effect::{Effect, Listing},
+    environment,
     error::Error,
     gpu::{listing::Shader, scan, sort},
     hit_resolver, instanced_bvh, multi_res_mask, multi_res_reconstructor, ray_budget, receivers,
@@ -24,6 +25,7 @@ const PASSES: &[List] = &[
     reconstructor::list,
     bvh::list,
     instanced_bvh::list,
+    environment::list,
     bounced_z_buffer::list,
     hit_resolver::list,
     ray_budget::list,

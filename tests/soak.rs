@@ -314,6 +314,7 @@ fn memory_stays() {
         deferred: false,
         counted: false,
         joined: false,
+        bent_normals: false,
         target: format,
     };
     let gatherer = HitResolver::new(device, &descriptor).expect("pipelines");

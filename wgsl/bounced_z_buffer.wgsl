@@ -12,7 +12,9 @@
 // Without #if RADIANCE a hit is a bit; with it, the radiance that the surfel at the hit sends, or with #if LIT what the
 // hit itself sends of the light that reaches it. Senders are a cloud's pieces, with #if TWO_LEVELS the triangles of instances
 // of meshes, or with #if DISKS a cloud's surfels as disks. With #if GLOSSY directions are those of the pixel's glossy lobe;
-// those below its horizon are not traced. With #if RAY_QUERY the device itself traverses, a structure of its own.
+// those below its horizon are not traced. With #if ENVIRONMENT rays that meet nothing bring what an environment has there, and
+// some of a diffuse pixel's directions are drawn by it; with #if SKY_LIGHT that is all that they bring, and any hit is as good as
+// the nearest. With #if RAY_QUERY the device itself traverses, a structure of its own.
 //
 // With #if COUNTED pixels may have different numbers of rays, none among them. Those beyond `columns` x `rows` come in sets of
 // as many, each with one ray per cell, of which the sums are kept.
@@ -39,6 +41,9 @@ enable wgpu_ray_query;
 #endif
 #if LIST
 #import sub_image
+#endif
+#if ENVIRONMENT
+#import environment
 #endif
 
 alias Counter = u32;
@@ -102,9 +107,11 @@ override SAMPLING: u32 = 0u;
 @group(0) @binding(13) var<uniform> lights: Lights;
 @group(0) @binding(14) var<storage, read> materials: array<Material>;
 #else
+#if !SKY_LIGHT
 @group(0) @binding(6) var<storage, read> radiance: array<SurfelRadiance>;
 #endif
-#if !DISKS
+#endif
+#if !DISKS && !SKY_LIGHT
 #if !LIT
 // First surfel of each piece.
 @group(0) @binding(7) var<storage, read> surfel_offsets: array<u32>;
@@ -129,6 +136,11 @@ override SAMPLING: u32 = 0u;
 #if GLOSSY
 // Perceptual roughness, of the caller's.
 @group(0) @binding(12) var roughness_texture: texture_2d<f32>;
+#endif
+#if ENVIRONMENT
+@group(0) @binding(32) var<uniform> environment: Environment;
+@group(0) @binding(33) var environment_radiance: texture_2d<f32>;
+@group(0) @binding(34) var environment_distribution: texture_2d<f32>;
 #endif
 #if COUNTED
 // Of each pixel, rows from the top.
@@ -174,7 +186,7 @@ fn offset_origin(position: vec3f, side: vec3f, seen_from: vec3f) -> vec3f {
   return position + (side + seen_from) * (ray_epsilon(position) + grid);
 }
 
-#if RADIANCE
+#if RADIANCE && !SKY_LIGHT
 // What a pixel's ray meets first.
 fn find(ray: Ray, pixel: vec2u, normal: vec3f) -> Hit {
 #if DISKS
@@ -184,9 +196,9 @@ fn find(ray: Ray, pixel: vec2u, normal: vec3f) -> Hit {
 #endif
 }
 
-fn incoming(ray: Ray, hit: Hit) -> vec3f {
+fn incoming(ray: Ray, hit: Hit, sky: vec3f) -> vec3f {
   if hit.primitive == MISS {
-    return params.sky_radiance;
+    return sky;
   }
 #if LIT
 #if TWO_LEVELS
@@ -231,7 +243,7 @@ fn incoming(ray: Ray, hit: Hit) -> vec3f {
 }
 #endif
 
-#if !RADIANCE
+#if !RADIANCE || SKY_LIGHT
 // Where a pixel's ray meets something, the nearest or not; FAR where it meets nothing.
 fn meet_any(ray: Ray, pixel: vec2u, normal: vec3f) -> f32 {
 #if DISKS
@@ -242,6 +254,14 @@ fn meet_any(ray: Ray, pixel: vec2u, normal: vec3f) -> f32 {
 #endif
 }
 #endif
+
+fn place_of(pixel: vec2u) -> u32 {
+  return pixel.y * params.size.x + pixel.x;
+}
+
+fn rays_per_pixel() -> u32 {
+  return params.columns * params.rows;
+}
 
 // What a pixel's rays share.
 struct Start {
@@ -271,9 +291,43 @@ struct Seen {
   nearness: u32,
 }
 
+#if ENVIRONMENT && !GLOSSY
+// Where a diffuse pixel's ray goes, and what its radiance counts, 0 if it is not to be traced.
+struct Drawn {
+  toward: EnvironmentSample,
+  weight: f32,
+}
+
+// The first columns x rows of the environment's grid go by the pixel's cosine, the others where the environment is bright. What
+// both could have drawn is weighed by the balance heuristic (Veach and Guibas, Optimally Combining Sampling Techniques for Monte
+// Carlo Rendering, 1995): the cosine's density over that of all rays.
+fn draw(start: Start, index: u32, turn: u32) -> Drawn {
+  let own = environment.columns * environment.rows;
+  let all = rays_per_pixel();
+  var drawn: Drawn;
+  if index < own {
+    let point = further_point(start.pixel, index, turn, environment.columns, environment.rows, params.frame);
+    drawn.toward = environment_at(hemisphere_direction(point, start.normal, SAMPLE_COSINE).direction);
+  } else {
+    drawn.toward = environment_sample(strewn_point(start.pixel, index - own, all - own, turn, params.frame));
+  }
+  let cosine = max(dot(start.normal, drawn.toward.direction), 0.0) / PI;
+  let others = f32(all - own) / f32(all) * drawn.toward.pdf;
+  drawn.weight = cosine / max(f32(own) / f32(all) * cosine + others, 1e-30);
+  return drawn;
+}
+#endif
+
 fn look(start: Start, index: u32, turn: u32) -> Seen {
-  let point = further_point(start.pixel, index, turn, params.columns, params.rows, params.frame);
   var seen: Seen;
+#if ENVIRONMENT && !GLOSSY
+  let drawn = draw(start, index, turn);
+  if drawn.weight <= 0.0 {
+    return seen;
+  }
+  let direction = drawn.toward.direction;
+#else
+  let point = further_point(start.pixel, index, turn, params.columns, params.rows, params.frame);
 #if GLOSSY
   let roughness = textureLoad(roughness_texture, camera.viewport.xy + start.pixel, 0).x;
   let lobe = make_lobe(start.normal, start.seen_from, roughness);
@@ -285,15 +339,29 @@ fn look(start: Start, index: u32, turn: u32) -> Seen {
 #else
   let direction = hemisphere_direction(point, start.normal, SAMPLING).direction;
 #endif
+#endif
   let ray = make_ray(start.origin, direction);
-#if RADIANCE
+#if RADIANCE && !SKY_LIGHT
   let hit = find(ray, start.pixel, start.normal);
   seen.blocked = hit.primitive != MISS;
   let distance = hit.t;
-  seen.color = pack_color(incoming(ray, hit));
+#if ENVIRONMENT
+#if GLOSSY
+  seen.color = pack_color(incoming(ray, hit, environment_at(direction).radiance));
+#else
+  seen.color = pack_color(drawn.weight * incoming(ray, hit, drawn.toward.radiance));
+#endif
+#else
+  seen.color = pack_color(incoming(ray, hit, params.sky_radiance));
+#endif
 #else
   let distance = meet_any(ray, start.pixel, start.normal);
   seen.blocked = distance < FAR;
+#if SKY_LIGHT
+  if !seen.blocked {
+    seen.color = pack_color(drawn.weight * drawn.toward.radiance);
+  }
+#endif
 #endif
   if seen.blocked {
     seen.nearness = u32(round(start.side / max(distance, start.side) * NEAREST));
@@ -305,14 +373,6 @@ fn look(start: Start, index: u32, turn: u32) -> Seen {
   atomicAdd(&statistics[3], select(0u, 1u, seen.blocked));
 #endif
   return seen;
-}
-
-fn place_of(pixel: vec2u) -> u32 {
-  return pixel.y * params.size.x + pixel.x;
-}
-
-fn rays_per_pixel() -> u32 {
-  return params.columns * params.rows;
 }
 
 fn keep(start: Start, index: u32, seen: Seen) {

@@ -16,6 +16,9 @@
 // With #if GLOSSY a receiver mirrors radiance by its lobe (wgsl/common/ggx.wgsl), and a neighbour counts as far as its lobe
 // overlaps the pixel's.
 //
+// With #if BENT the picture is the mean of the directions in which nothing is hit, and the share of them. What is gathered is by
+// how much that mean leans off the one of all the pixel's directions, which is known to be along its normal.
+//
 // With #if COUNTED pixels have different numbers of rays, and those that have none take their light from the others. A pixel
 // counts alike whatever its number: that follows from what its neighbours' rays brought, and weights that did too would
 // give a bias.
@@ -133,6 +136,23 @@ fn incoming(pixel: vec2u, index: u32) -> vec3f {
 #endif
 }
 
+#if BENT
+// xyz by how much the mean of the open directions leans, w the share of them.
+fn lean(pixel: vec2u, normal: vec3f) -> vec4f {
+  var open = vec4f(0.0);
+  var all = vec3f(0.0);
+  for (var i = 0u; i < rays_per_pixel(); i++) {
+    let point = cell_point(pixel, i, params.columns, params.rows, params.frame);
+    let direction = hemisphere_direction(point, normal, SAMPLE_COSINE).direction;
+    open += incoming(pixel, i).x * vec4f(direction, 1.0);
+    all += direction;
+  }
+  let per_ray = 1.0 / f32(rays_per_pixel());
+  let openness = open.w * per_ray;
+  return vec4f((open.xyz - openness * all) * per_ray, openness);
+}
+#endif
+
 #if !GLOSSY
 // A receiver's cosine to a direction over the density that the direction was drawn with, as a share of what cosine
 // sampling about the receiver's own normal gives, 1.
@@ -203,6 +223,13 @@ fn average(@builtin(global_invocation_id) id: vec3u) {
     return;
   }
   let texel = textureLoad(receivers, pixel, 0);
+#if BENT
+  var leaning = vec4f(0.0);
+  if texel.w != SKY {
+    leaning = lean(pixel, unpack_normal(texel.w));
+  }
+  textureStore(means, pixel, leaning);
+#else
   var mean = vec3f(0.0);
   var variance = 0.0;
 #if RAYS
@@ -264,6 +291,7 @@ fn average(@builtin(global_invocation_id) id: vec3u) {
     variance = 0.5 * spread / rays + chance * chance;
   }
   textureStore(means, pixel, vec4f(mean, variance));
+#endif
 }
 
 #else
@@ -326,10 +354,14 @@ fn near(@builtin(global_invocation_id) id: vec3u) {
 #import screen
 
 // What a window holds: radiance, or openness.
+#if BENT
+alias Value = vec4f;
+#else
 #if RADIANCE
 alias Value = vec3f;
 #else
 alias Value = f32;
+#endif
 #endif
 
 // Neighbours are not taken to be farther away than so many units: what is beyond is seen at too grazing an angle to tell slopes.
@@ -364,14 +396,34 @@ fn narrowed_at(at: vec2i) -> f32 {
 #endif
 }
 
-fn value_of(color: vec3f) -> Value {
-#if RADIANCE
-  return color;
+fn value_of(mean: vec4f) -> Value {
+#if BENT
+  return mean;
 #else
-  return color.x;
+#if RADIANCE
+  return mean.xyz;
+#else
+  return mean.x;
+#endif
 #endif
 }
 
+#if BENT
+// The length of the mean of all directions, by their cosine.
+const OPEN_MEAN: f32 = 2.0 / 3.0;
+
+// As that of means of hits, of the share of open ones.
+fn openness_variance(openness: f32) -> f32 {
+  let rays = f32(rays_per_pixel());
+  let chance = 0.5 / rays;
+  return 0.5 * openness * (1.0 - openness) / rays + chance * chance;
+}
+
+fn bent(normal: vec3f, value: Value) -> vec4f {
+  let openness = clamp(value.w, 0.0, 1.0);
+  return vec4f(normalize_or(value.xyz + OPEN_MEAN * openness * normal, normal), openness);
+}
+#else
 // What the picture has of a window's value.
 fn shown(pixel: vec2i, value: Value) -> vec4f {
 #if RADIANCE
@@ -386,6 +438,7 @@ fn shown(pixel: vec2i, value: Value) -> vec4f {
   return vec4f(vec3f(clamp(value, 0.0, 1.0)), 1.0);
 #endif
 }
+#endif
 
 #if COUNTED
 // Where no pixel in sight has rays nothing is known: open, and dark.
@@ -411,14 +464,18 @@ fn resolved(fragment: vec4f) -> vec4f {
 #if RADIANCE
     return vec4f(0.0, 0.0, 0.0, 1.0);
 #else
+#if BENT
+    return vec4f(0.0, 0.0, 0.0, 1.0);
+#else
     return vec4f(1.0);
+#endif
 #endif
   }
   let position = receiver_position(texel);
   let normal = unpack_normal(texel.w);
   let frame = tangent_frame(normal);
   let own = mean_at(at);
-  let own_value = value_of(own.xyz);
+  let own_value = value_of(own);
   let pixel = footprint(params.camera, position - params.camera.eye);
   let per_tolerance = per_tolerance_at(pixel);
   let narrowed = narrowed_at(at);
@@ -436,7 +493,7 @@ fn resolved(fragment: vec4f) -> vec4f {
   var weights = 0.0;
   var moments = vec2f(0.0);
   var squares = vec3f(0.0);
-  var sum = value_of(vec3f(0.0));
+  var sum = value_of(vec4f(0.0));
   var sum_u = sum;
   var sum_v = sum;
 #if COUNTED
@@ -457,7 +514,7 @@ fn resolved(fragment: vec4f) -> vec4f {
       }
       if own.w < 0.0 {
         let near = exp(-dot(vec2f(there - at), vec2f(there - at)) * falloff);
-        near_sum += near * value_of(mean_at(there).xyz);
+        near_sum += near * value_of(mean_at(there));
         near_weights += near;
       }
 #endif
@@ -471,11 +528,19 @@ fn resolved(fragment: vec4f) -> vec4f {
       let aside = vec2f(there - at);
       let hits_aside = length(d) * max(inverse_distance, textureLoad(inverse_distances, there, 0).x) * params.per_hit_distance;
       var distance = dot(aside, aside) * falloff + hits_aside * hits_aside;
+#if BENT
+      if params.variance_clamp > 0.0 {
+        let differences = theirs - own;
+        let variance = openness_variance(theirs.w) + openness_variance(own.w);
+        distance += dot(differences, differences) / (params.variance_clamp * params.variance_clamp * variance + 1e-30);
+      }
+#else
       if params.variance_clamp > 0.0 && own.w >= 0.0 {
         let difference = luminance(theirs.xyz) - luminance(own.xyz);
         let allowed = params.variance_clamp * params.variance_clamp * (theirs.w + own.w) + 1e-30;
         distance += difference * difference / allowed;
       }
+#endif
       weight *= exp(-distance);
 #if GLOSSY
       let other_lobe = lobe_of(vec2u(there), other);
@@ -513,9 +578,9 @@ fn resolved(fragment: vec4f) -> vec4f {
         }
       }
       weight = shares;
-      let weighted = value_of(seen_there) - weight * own_value;
+      let weighted = value_of(vec4f(seen_there, 0.0)) - weight * own_value;
 #else
-      let weighted = weight * (value_of(theirs.xyz) - own_value);
+      let weighted = weight * (value_of(theirs) - own_value);
 #endif
       let place = clamp((d * frame).xy * per_spread, vec2f(-FARTHEST), vec2f(FARTHEST));
       weights += weight;
@@ -545,7 +610,11 @@ fn resolved(fragment: vec4f) -> vec4f {
   let slope_u = (vv * along_u - uv * along_v) * per_determinant;
   let slope_v = (uu * along_v - uv * along_u) * per_determinant;
   let value = own_value + average - slope_u * middle.x - slope_v * middle.y;
+#if BENT
+  return bent(normal, value);
+#else
   return shown(corner + at, value);
+#endif
 }
 
 #endif

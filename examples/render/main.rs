@@ -1,7 +1,9 @@
 //! The whole on any scene: `cargo run --release --example render -- SCENE.glb --out DIR`.
 //!
 //! Ambient occlusion (`--effect ao`) is written to `ao.exr` (one channel `Y`, 1 = open) and `ao.png`, indirect light
-//! (`--effect gi`) to `gi.exr` (R, G, B: outgoing radiance of one diffuse bounce) and `gi.png`, volumetric obscurance
+//! (`--effect gi`) to `gi.exr` (R, G, B: outgoing radiance of one diffuse bounce) and `gi.png`, directional occlusion (`--effect
+//! do`, what white surfaces send on of a sky) to `do.exr` and `do.png`, bent normals (`--effect bent`, their x, y and z, in the
+//! PNG from -1 to 1) to `bent.exr` and `bent.png`, volumetric obscurance
 //! (`--effect vo`) to `vo.exr` and `vo.png` as ambient occlusion, soft shadows of the first light (`--effect shadow`) to
 //! `shadow.exr` and `shadow.png` (1 = lit), screen-space indirect light (`--effect ssgi`, of a white surface) to `ssgi.exr` and
 //! `ssgi.png`, and what it took to `stats.json`. `--multires` computes these three by sub-images. `--effect sg` writes
@@ -18,8 +20,12 @@ use std::{path::PathBuf, process::ExitCode};
 
 use clap::Parser;
 use deep_screen_space::{
-    glam::DVec3,
-    reference::trace::{Receiver, Tracer},
+    HitResolver,
+    glam::{DQuat, DVec3},
+    reference::{
+        environment::Cells,
+        trace::{BentEstimate, ColorEstimate, Estimate, Receiver, Tracer},
+    },
     scenes::{self, Scene},
 };
 use methods::Rendered;
@@ -30,7 +36,7 @@ use support::{
     gltf::{Loaded, load_gltf},
     gpu::{Ask, Gpu},
     near::Effect,
-    presets,
+    presets, sky,
 };
 use view::Shot;
 
@@ -64,14 +70,17 @@ pub(crate) struct Options {
     /// Size of the picture in pixels, `WxH`.
     #[arg(long, value_parser = arguments::parse_size)]
     size: Option<[u32; 2]>,
-    /// What to compute: ambient occlusion, one bounce of diffuse light, volumetric obscurance, soft shadows or indirect light
-    /// from the G-buffer alone, or a bounce from a reflective shadow map on a hull.
-    #[arg(long, default_value = "ao", value_parser = ["ao", "gi", "vo", "shadow", "ssgi", "sg"])]
+    /// What to compute: ambient occlusion, one bounce of diffuse light, directional occlusion, bent normals, volumetric
+    /// obscurance, soft shadows or indirect light from the G-buffer alone, or a bounce from a reflective shadow map on a hull.
+    #[arg(long, default_value = "ao", value_parser = ["ao", "gi", "do", "bent", "vo", "shadow", "ssgi", "sg"])]
     pub(crate) effect: String,
     /// Compute `vo`, `shadow` or `ssgi` at the resolution that each part of the picture needs, by a multi-resolution mask, and
     /// say how far that is from all of it at full resolution.
     #[arg(long)]
     multires: bool,
+    /// The sky of `--effect do`: dim, or the same with a small bright sun.
+    #[arg(long, default_value = "sunny", value_parser = sky::NAMES)]
+    sky: String,
     /// How to compute it: by the bounced z-buffer, which knows what hides what, or by splatting, which adds up.
     #[arg(long, default_value = "bounced", value_parser = ["bounced", "splat"])]
     method: String,
@@ -119,7 +128,7 @@ impl Options {
 
     /// Whether the picture has colours.
     fn colors(&self) -> bool {
-        matches!(self.effect.as_str(), "gi" | "ssgi")
+        matches!(self.effect.as_str(), "gi" | "do" | "bent" | "ssgi")
     }
 }
 
@@ -201,8 +210,8 @@ pub(crate) fn draw(gpu: &Gpu, options: &Options, scene: &Scene, shot: &Shot) -> 
     report_overflow(&rendered);
     if let Some(off) = off {
         println!(
-            "against {} rays per pixel: RMSE {:.4}, bias {:+.4}, mean {:.4} over {} pixels",
-            off.rays, off.rmse, off.bias, off.mean, off.pixels
+            "against {} rays per pixel: RMSE {:.4} (theirs {:.4}), bias {:+.4}, mean {:.4} over {} pixels",
+            off.rays, off.rmse, off.noise, off.bias, off.mean, off.pixels
         );
     }
     Ok(())
@@ -235,9 +244,17 @@ fn write(
     };
     let (width, height) = (shot.width, shot.height);
     let png = path("png");
-    if options.colors() {
+    if options.effect == "bent" {
         files::write_exr_rgb(&path("exr"), width, height, pixels)?;
-        files::write_png_rgb(&png, width, height, pixels, 2.0)?;
+        // As normals are drawn: -1 to 1 in what the eye takes for equal steps.
+        let shown = |n: f32| (0.5 * n + 0.5).clamp(0.0, 1.0).powf(2.2);
+        let shown: Vec<[f32; 3]> = pixels.iter().map(|n| n.map(shown)).collect();
+        files::write_png_rgb(&png, width, height, &shown, 1.0)?;
+    } else if options.colors() {
+        files::write_exr_rgb(&path("exr"), width, height, pixels)?;
+        // A sky is brighter than what rooms reflect.
+        let exposure = if options.effect == "do" { 0.5 } else { 2.0 };
+        files::write_png_rgb(&png, width, height, pixels, exposure)?;
     } else {
         let grey: Vec<f32> = pixels.iter().map(|p| p[0]).collect();
         files::write_exr(&path("exr"), width, height, &grey)?;
@@ -246,31 +263,76 @@ fn write(
     Ok(png)
 }
 
-/// The truth of each pixel; for ambient occlusion in all channels.
+/// By how much bent normals are turned off the traced ones.
+fn report_angles(truth: &[Option<BentEstimate>], pixels: &[[f32; 3]]) {
+    let (mut sums, mut counts) = ([0.0; 2], [0_u32; 2]);
+    for (truth, pixel) in truth.iter().zip(pixels) {
+        if let Some(truth) = truth.filter(|truth| truth.visibility > 0.0) {
+            let cone = HitResolver::cone_angle(truth.visibility as f32).to_degrees();
+            let wide = usize::from(cone >= 60.0);
+            let found = DVec3::from(pixel.map(f64::from));
+            // Rasterised, an edge may be the sky's where a ray meets what it is of.
+            if found == DVec3::ZERO {
+                continue;
+            }
+            sums[wide] += found.angle_between(truth.mean).to_degrees();
+            counts[wide] += 1;
+        }
+    }
+    for (which, i) in [("narrower than 60°", 0), ("wider", 1)] {
+        let mean = sums[i] / f64::from(counts[i].max(1));
+        println!("cones {which}: off by {mean:.2}° over {} pixels", counts[i]);
+    }
+}
+
+/// The truth of each pixel; for ambient occlusion in all channels. Of bent normals it says how far off `pixels` are.
 fn truth(
     options: &Options,
     scene: &Scene,
-    shot: &Shot,
+    (shot, pixels): (&Shot, &[[f32; 3]]),
     radius: f32,
     rays: u32,
-) -> Result<Vec<Option<DVec3>>, String> {
+) -> Result<Vec<Option<ColorEstimate>>, String> {
     let tracer = Tracer::new(&scene.positions, &scene.indices).map_err(|e| e.to_string())?;
     let receivers: Vec<Option<Receiver>> = shot.receivers(scene, &tracer);
-    if !options.gi() {
-        let truth = tracer.ambient_occlusion_image(&receivers, f64::from(radius), rays, 1, true);
-        return Ok(truth
-            .into_iter()
-            .map(|estimate| estimate.map(|e| DVec3::splat(e.mean)))
-            .collect());
+    let reach = f64::from(radius);
+    match options.effect.as_str() {
+        "do" => {
+            let shown = sky::by_name(&options.sky).ok_or("no such sky")?;
+            let cells = Cells::new(shown, DQuat::IDENTITY);
+            Ok(tracer.environment_image(&receivers, &cells, (reach, rays), 1, true))
+        }
+        "bent" => {
+            let truth = tracer.bent_normal_image(&receivers, reach, rays, 1, true);
+            report_angles(&truth, pixels);
+            let bent = |e: BentEstimate| ColorEstimate {
+                mean: e.mean.normalize_or_zero(),
+                standard_error: DVec3::ZERO,
+            };
+            Ok(truth.into_iter().map(|e| e.map(bent)).collect())
+        }
+        "gi" => {
+            let materials = scene.triangle_materials();
+            let albedo = shot.albedo(scene, &tracer);
+            let lights = &shot.lights;
+            let truth = tracer.one_bounce_image(&receivers, &materials, lights, rays, 1, true);
+            let sent = |(estimate, albedo): (Option<ColorEstimate>, DVec3)| {
+                estimate.map(|e| ColorEstimate {
+                    mean: e.mean * albedo,
+                    standard_error: e.standard_error * albedo,
+                })
+            };
+            Ok(truth.into_iter().zip(albedo).map(sent).collect())
+        }
+        _ => {
+            let truth = tracer.ambient_occlusion_image(&receivers, reach, rays, 1, true);
+            let grey = |e: Estimate| ColorEstimate {
+                mean: DVec3::splat(e.mean),
+                standard_error: DVec3::splat(e.standard_error),
+            };
+            Ok(truth.into_iter().map(|e| e.map(grey)).collect())
+        }
     }
-    let materials = scene.triangle_materials();
-    let albedo = shot.albedo(scene, &tracer);
-    let truth = tracer.one_bounce_image(&receivers, &materials, &shot.lights, rays, 1, true);
-    Ok(truth
-        .into_iter()
-        .zip(albedo)
-        .map(|(estimate, albedo)| estimate.map(|e| e.mean * albedo))
-        .collect())
 }
 
 /// How far a picture is off the truth, over the pixels that show something.
@@ -278,6 +340,8 @@ fn truth(
 struct Off {
     rays: u32,
     rmse: f64,
+    /// Root mean square of the truth's own standard errors, which is in `rmse`.
+    noise: f64,
     bias: f64,
     /// Of the truth.
     mean: f64,
@@ -293,19 +357,21 @@ fn compare(
     radius: f32,
     rays: u32,
 ) -> Result<Off, String> {
-    let truth = truth(options, scene, shot, radius, rays)?;
-    let (mut squares, mut bias, mut mean, mut count) = (0.0, 0.0, 0.0, 0_u32);
-    let empty = if options.gi() { [0.0; 3] } else { [1.0; 3] };
+    let truth = truth(options, scene, (shot, pixels), radius, rays)?;
+    let (mut squares, mut noise, mut bias, mut mean) = (0.0, 0.0, 0.0, 0.0);
+    let mut count = 0_u32;
+    let empty = if options.colors() { [0.0; 3] } else { [1.0; 3] };
     let mut image = vec![empty; pixels.len()];
     let mut difference = vec![[0.0; 3]; pixels.len()];
     for (i, truth) in truth.iter().enumerate() {
         if let Some(truth) = truth {
-            let error = DVec3::from(pixels[i].map(f64::from)) - *truth;
-            image[i] = truth.as_vec3().to_array();
+            let error = DVec3::from(pixels[i].map(f64::from)) - truth.mean;
+            image[i] = truth.mean.as_vec3().to_array();
             difference[i] = (4.0 * error.abs()).as_vec3().to_array();
             squares += error.length_squared() / 3.0;
             bias += error.element_sum() / 3.0;
-            mean += truth.element_sum() / 3.0;
+            mean += truth.mean.element_sum() / 3.0;
+            noise += truth.standard_error.length_squared() / 3.0;
             count += 1;
         }
     }
@@ -315,6 +381,7 @@ fn compare(
     Ok(Off {
         rays,
         rmse: (squares / n).sqrt(),
+        noise: (noise / n).sqrt(),
         bias: bias / n,
         mean: mean / n,
         pixels: count,

@@ -1,8 +1,9 @@
 //! The ways to render a picture.
 
 use deep_screen_space::{
-    AmbientOcclusion, CloudCapacity, DiffuseBounce, Effect, Error, Overlap, Payload, Piece,
-    RaySettings, SurfelCounts, scenes::Scene,
+    AmbientOcclusion, CloudCapacity, DiffuseBounce, Effect, EnvironmentBuilder,
+    EnvironmentSettings, Error, HitResolverSettings, Overlap, Payload, Piece, RaySettings,
+    SurfelCounts, scenes::Scene,
 };
 use serde_json::{Value, json};
 
@@ -14,6 +15,7 @@ use support::{
     presets,
     raster::Raster,
     scene::SceneBuffers,
+    sky,
 };
 
 /// A picture and what it took.
@@ -146,6 +148,12 @@ pub fn splat(
     shot: &Shot,
     radius: f32,
 ) -> Result<Rendered, String> {
+    if !["ao", "gi"].contains(&options.effect.as_str()) {
+        return Err(format!(
+            "--method splat has no --effect {}; --method bounced has",
+            options.effect
+        ));
+    }
     let camera = shot.camera()?;
     let preset = presets::preset(&options.preset, radius).ok_or("no such preset")?;
     let buffers = SceneBuffers::new(gpu, scene);
@@ -225,10 +233,10 @@ pub fn bounced(
     radius: f32,
 ) -> Result<Rendered, String> {
     let camera = shot.camera()?;
-    let payload = if options.gi() {
-        Payload::LitRadiance
-    } else {
-        Payload::Occlusion
+    let payload = match options.effect.as_str() {
+        "gi" => Payload::LitRadiance,
+        "do" => Payload::Sky,
+        _ => Payload::Occlusion,
     };
     let mut preset =
         presets::bounced_preset(&options.preset, payload, radius).ok_or("no such preset")?;
@@ -240,6 +248,9 @@ pub fn bounced(
         let rays = RaySettings::with_further(rays_per_pixel, further, payload);
         preset = presets::of(&rays, radius);
     }
+    if options.effect == "bent" {
+        preset.reconstructor = HitResolverSettings::for_bent_normals(preset.bounced.rays_per_pixel);
+    }
     if let Some(window) = options.window {
         preset.reconstructor.radius = window;
     }
@@ -250,13 +261,24 @@ pub fn bounced(
     let room = RayRoom {
         rays_per_pixel,
         counted: preset.further.is_some(),
+        bent_normals: options.effect == "bent",
         ..RayRoom::default()
     };
     let lights = &shot.lights;
+    let builder = EnvironmentBuilder::new(&gpu.device).map_err(|e| e.to_string())?;
+    let shown = sky::by_name(&options.sky).ok_or("no such sky")?;
     let (renderer, picture, capacity) = with_room(
         (gpu, options, &buffers),
         0,
-        |capacity| BouncedRenderer::new(gpu, payload, capacity, size, room),
+        |capacity| {
+            let mut renderer = BouncedRenderer::new(gpu, payload, capacity, size, room)?;
+            if payload == Payload::Sky {
+                let settings = EnvironmentSettings::default();
+                let environment = sky::build(gpu, &builder, &shown, &settings)?;
+                renderer.scene.environment = Some(environment);
+            }
+            Ok(renderer)
+        },
         |renderer| renderer.render(gpu, &raster, &buffers, &camera, lights, &preset),
         |picture| (picture.total_ms(), picture.counts),
     )?;

@@ -2,11 +2,11 @@
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Bvh, BvhBuilder,
-    Camera, CloudCapacity, Error, GBuffer, Geometry, HitLighting, HitRadiance, HitResolver,
-    HitResolverDescriptor, HitResolverInput, HitResolverSettings, HitResolverView, Light, Payload,
-    Primitives, RayBudget, RayBudgetInput, RayBudgetSettings, RayBudgetView, Reach, Sampling,
-    ShadedLight, Shadow, SurfelCloud, SurfelCounts, SurfelShader, SurfelShaderInput,
-    SurfelShaderSettings, Surfelizer, SurfelizerInput, SurfelizerSettings, wgpu,
+    Camera, CloudCapacity, Environment, EnvironmentLight, Error, GBuffer, Geometry, HitLighting,
+    HitRadiance, HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverSettings,
+    HitResolverView, Light, Payload, Primitives, RayBudget, RayBudgetInput, RayBudgetSettings,
+    RayBudgetView, Reach, Sampling, ShadedLight, Shadow, SurfelCloud, SurfelCounts, SurfelShader,
+    SurfelShaderInput, SurfelShaderSettings, Surfelizer, SurfelizerInput, SurfelizerSettings, wgpu,
 };
 
 use super::{
@@ -32,6 +32,8 @@ pub struct TracedScene {
     /// What hits are lit by, of the last update.
     lights: Vec<Light>,
     materials: Option<wgpu::Buffer>,
+    /// What rays bring that meet nothing, for gatherers of an environment.
+    pub environment: Option<Environment>,
 }
 
 impl TracedScene {
@@ -56,6 +58,7 @@ impl TracedScene {
             surfel_lighting,
             lights: Vec::new(),
             materials: None,
+            environment: None,
         })
     }
 
@@ -159,6 +162,7 @@ impl Gatherer {
     ) -> Result<Self, Error> {
         let device = &gpu.device;
         let bounced = BouncedDescriptor {
+            environment: descriptor.payload == Payload::Sky,
             payload: descriptor.payload,
             sampling: descriptor.sampling,
             statistics,
@@ -214,6 +218,7 @@ impl Gatherer {
         let (decode_ms, frame) = self.decoding.frame(gpu, gbuffer, camera, origin)?;
         let input = BouncedInput {
             radiance,
+            environment: scene.environment.as_ref().map(EnvironmentLight::new),
             ..BouncedInput::new(&frame, &scene.cloud, &scene.bvh)
         };
         let mut passes = vec![("decode", decode_ms)];
@@ -259,7 +264,7 @@ impl Gatherer {
 
 /// The pipelines and one view of diffuse receivers.
 pub struct BouncedRenderer {
-    scene: TracedScene,
+    pub scene: TracedScene,
     pub gatherer: Gatherer,
 }
 
@@ -293,6 +298,8 @@ pub struct RayRoom {
     /// Whether further rays go where noise is greatest.
     pub counted: bool,
     pub statistics: bool,
+    /// Whether the picture is bent normals.
+    pub bent_normals: bool,
 }
 
 impl BouncedRenderer {
@@ -308,6 +315,7 @@ impl BouncedRenderer {
             rays_per_pixel,
             counted,
             statistics,
+            bent_normals,
         } = room;
         let descriptor = HitResolverDescriptor {
             payload,
@@ -315,6 +323,7 @@ impl BouncedRenderer {
             deferred: false,
             counted,
             joined: false,
+            bent_normals,
             target: wgpu::TextureFormat::Rgba32Float,
         };
         let gatherer = Gatherer::new(gpu, descriptor, size, rays_per_pixel, statistics)?;

@@ -21,6 +21,7 @@ pub mod presets;
 pub mod raster;
 pub mod scene;
 pub mod shadow;
+pub mod sky;
 pub mod stage;
 pub mod stopwatch;
 pub mod temporal;

@@ -27,6 +27,10 @@ pub enum Payload {
     /// needed (a cloud with a capacity of 0 surfels does). Four bytes per direction; costs a ray per hit and light. Not with
     /// [`Primitives::Disks`].
     LitRadiance,
+    /// What an [`Environment`](crate::Environment) sends along the direction where nothing is hit, and nothing where something
+    /// is: directional occlusion. Four bytes per direction; a ray ends at the first hit that it finds, the nearest or not. With
+    /// [`BouncedDescriptor::environment`] and [`Sampling::Cosine`] alone.
+    Sky,
 }
 
 impl Payload {
@@ -49,7 +53,7 @@ pub struct HitLighting<'a> {
 /// Where the radiance of hits comes from.
 #[derive(Clone, Copy, Debug, Default)]
 pub enum HitRadiance<'a> {
-    /// From nowhere, for [`Payload::Occlusion`].
+    /// From nowhere, for [`Payload::Occlusion`] and [`Payload::Sky`].
     #[default]
     None,
     /// For [`Payload::Radiance`] a storage buffer of a [`SurfelRadiance`](crate::SurfelRadiance) for each surfel of the cloud, as
@@ -151,6 +155,14 @@ pub struct BouncedDescriptor {
     /// and with [`Sampling::Cosine`] further ones where a [`RayBudget`](crate::RayBudget) puts them. Views then take 8 bytes per
     /// pixel more, and 16 with radiance.
     pub counted: bool,
+    /// Whether rays that meet nothing bring what an [`Environment`](crate::Environment) has there
+    /// ([`BouncedInput::environment`](crate::BouncedInput::environment)) in place of
+    /// [`BouncedSettings::sky_radiance`](crate::BouncedSettings::sky_radiance). With [`Sampling::Cosine`] some of a pixel's rays
+    /// then go where the environment is bright
+    /// ([`BouncedSettings::environment_share`](crate::BouncedSettings::environment_share)), and what rays bring is weighed by
+    /// multiple importance sampling (balance heuristic; Veach and Guibas, *Optimally Combining Sampling Techniques for Monte
+    /// Carlo Rendering*, 1995), so that their mean has no bias. Not with [`Payload::Occlusion`], nor with [`Sampling::Uniform`].
+    pub environment: bool,
 }
 
 impl BouncedDescriptor {
@@ -159,9 +171,19 @@ impl BouncedDescriptor {
         self.payload == Payload::LitRadiance
     }
 
+    /// Whether rays bring an environment alone.
+    pub(crate) fn sky(&self) -> bool {
+        self.payload == Payload::Sky
+    }
+
     /// Whether pixels may have further rays: their sums are kept, of which only cosine sampling's are what arrives.
     pub(crate) fn takes_more(&self) -> bool {
         self.counted && self.sampling == Sampling::Cosine
+    }
+
+    /// Whether directions are drawn by an environment too: those cannot be had from the settings alone.
+    pub(crate) fn drawn_by_environment(&self) -> bool {
+        self.environment && self.sampling == Sampling::Cosine
     }
 
     pub(crate) fn flags(&self) -> Vec<&'static str> {
@@ -176,6 +198,8 @@ impl BouncedDescriptor {
         flags.extend(self.statistics.then_some("STATISTICS"));
         flags.extend((self.sampling == Sampling::Glossy).then_some("GLOSSY"));
         flags.extend(self.counted.then_some("COUNTED"));
+        flags.extend(self.environment.then_some("ENVIRONMENT"));
+        flags.extend((self.payload == Payload::Sky).then_some("SKY_LIGHT"));
         flags
     }
 }

@@ -19,6 +19,7 @@ use self::{
 use crate::{
     bvh::{Bvh, Primitives, disks::DiskBounds},
     effect::Listing,
+    environment::{EnvironmentLight, params::PlacedParams},
     error::{Error, check_setting},
     geometry::Material,
     gpu::compiler::Compiler,
@@ -103,6 +104,8 @@ pub struct BouncedInput<'a> {
     /// [`HitResolver`](crate::HitResolver) takes the others' light from the neighbours, so that its window has to reach
     /// listed ones. Not of use to [`BouncedZBuffer::record_more`].
     pub pixels: Option<&'a [PixelList<'a>]>,
+    /// What comes from where nothing is hit, where the [descriptor](BouncedDescriptor::environment) asks for it.
+    pub environment: Option<EnvironmentLight<'a>>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -120,6 +123,7 @@ impl<'a> BouncedInput<'a> {
             scene,
             radiance: HitRadiance::None,
             pixels: None,
+            environment: None,
             timestamps: None,
         }
     }
@@ -137,6 +141,7 @@ enum Work<'a> {
 struct Checked<'a> {
     radiance: Option<Resource<'a>>,
     lighting: Option<HitLighting<'a>>,
+    environment: Option<EnvironmentLight<'a>>,
     roughness: Option<TextureSlice<'a>>,
     primitives: Vec<Named<'a>>,
     disks: Option<&'a DiskBounds>,
@@ -163,7 +168,13 @@ impl BouncedZBuffer {
             is_possible(descriptor),
             "BouncedDescriptor::primitives",
             f64::from(u8::from(descriptor.primitives != Primitives::Triangles)),
-            "Primitives::Triangles, or Instances without Payload::Radiance, or Disks without Payload::LitRadiance",
+            "Primitives::Triangles, or Instances without Payload::Radiance, or Disks without Payload::LitRadiance and Sky",
+        )?;
+        check_setting(
+            is_environment_possible(descriptor),
+            "BouncedDescriptor::environment",
+            f64::from(u8::from(descriptor.environment)),
+            "true with Payload::Sky and Sampling::Cosine, false with Payload::Occlusion and with Sampling::Uniform",
         )?;
         check_setting(
             !(descriptor.statistics && descriptor.primitives.by_device()),
@@ -225,7 +236,7 @@ impl BouncedZBuffer {
                 4 * u64::from(words(rays_per_pixel)) * u64::from(width) * u64::from(height),
                 usage,
             )?),
-            Payload::Radiance | Payload::LitRadiance => {
+            Payload::Radiance | Payload::LitRadiance | Payload::Sky => {
                 let texture = plane(
                     device,
                     "deep-screen-space hits",
@@ -393,6 +404,7 @@ impl BouncedZBuffer {
         let viewport = frame.viewport();
         self.check_view([viewport.width, viewport.height], settings, view)?;
         let (radiance, lighting) = self.check_radiance(device, input, view)?;
+        let environment = self.check_environment(input)?;
         let roughness = match self.descriptor.sampling {
             Sampling::Glossy => Some(frame.gbuffer.roughness_for("Sampling::Glossy")?),
             Sampling::Cosine | Sampling::Uniform => None,
@@ -420,7 +432,7 @@ impl BouncedZBuffer {
             pieces => {
                 let (cloud, bvh) = input.scene.cloud()?;
                 let mut primitives = bvh.pieces(cloud, pieces)?;
-                if self.descriptor.payload.is_radiance() {
+                if self.descriptor.payload.is_radiance() && !self.descriptor.sky() {
                     primitives.push(("pieces", whole(&cloud.pieces)));
                 }
                 if radiance.is_some() {
@@ -437,6 +449,7 @@ impl BouncedZBuffer {
         Ok(Checked {
             radiance,
             lighting,
+            environment,
             roughness,
             primitives,
             disks,
@@ -475,6 +488,10 @@ impl BouncedZBuffer {
         let lights = checked
             .lighting
             .map(|lighting| parameters.add(&LightsParams::new(lighting.lights, origin)));
+        let environment = checked.environment.map(|light| {
+            let placed = parameters.add(&PlacedParams::new(&light, settings));
+            (light.environment, placed)
+        });
         let parameters = self.uniforms.upload(device, encoder, &parameters);
         let mut resources = vec![
             ("receivers", binding::view(&frame.receivers.view)),
@@ -510,6 +527,19 @@ impl BouncedZBuffer {
             resources.extend([
                 ("lights", parameters.at(lights)),
                 ("materials", binding::table::<Material>(lighting.materials)),
+            ]);
+        }
+        if let Some((environment, placed)) = environment {
+            resources.extend([
+                ("environment", parameters.at(placed)),
+                (
+                    "environment_radiance",
+                    binding::view(environment.radiance()),
+                ),
+                (
+                    "environment_distribution",
+                    binding::view(environment.distribution()),
+                ),
             ]);
         }
         let statistics = view.statistics.as_ref();
@@ -600,7 +630,7 @@ impl BouncedZBuffer {
         view: &BouncedView,
     ) -> Result<(Option<Resource<'r>>, Option<HitLighting<'r>>), Error> {
         match (self.descriptor.payload, input.radiance) {
-            (Payload::Occlusion, _) => Ok((None, None)),
+            (Payload::Occlusion | Payload::Sky, _) => Ok((None, None)),
             (Payload::Radiance, HitRadiance::Surfels(radiance)) => {
                 let (cloud, _) = input.scene.cloud()?;
                 self.check_surfels(device, cloud, radiance, view)?;
@@ -626,6 +656,25 @@ impl BouncedZBuffer {
                 .into(),
             }),
         }
+    }
+
+    /// The environment, where it is asked for.
+    fn check_environment<'r>(
+        &self,
+        input: &BouncedInput<'r>,
+    ) -> Result<Option<EnvironmentLight<'r>>, Error> {
+        if !self.descriptor.environment {
+            return Ok(None);
+        }
+        let Some(light) = input.environment else {
+            return Err(Error::Mismatch {
+                name: "BouncedInput::environment",
+                found: "none".into(),
+                needed: "an environment, for BouncedDescriptor::environment".into(),
+            });
+        };
+        light.validate()?;
+        Ok(Some(light))
     }
 
     fn check_surfels(
@@ -670,9 +719,20 @@ fn check_lighting(
 /// Surfels have radiance, and triangles can be lit.
 fn is_possible(descriptor: &BouncedDescriptor) -> bool {
     match descriptor.primitives {
-        Primitives::Disks { .. } => descriptor.payload != Payload::LitRadiance,
+        Primitives::Disks { .. } => {
+            !matches!(descriptor.payload, Payload::LitRadiance | Payload::Sky)
+        }
         Primitives::Instances => descriptor.payload != Payload::Radiance,
         _ => true,
+    }
+}
+
+/// Bits have no room for what an environment sends, and uniform directions are weighed afterwards, one by one.
+fn is_environment_possible(descriptor: &BouncedDescriptor) -> bool {
+    match descriptor.payload {
+        Payload::Occlusion => !descriptor.environment,
+        Payload::Sky => descriptor.drawn_by_environment(),
+        _ => !descriptor.environment || descriptor.sampling != Sampling::Uniform,
     }
 }
 
@@ -688,9 +748,26 @@ fn source(descriptor: &BouncedDescriptor, stage: Stage) -> Result<String, Error>
     shader::assemble("bounced_z_buffer", SOURCE, &flags, &[])
 }
 
+/// All combinations of three switches.
+const SWITCHES: [[bool; 3]; 8] = [
+    [false, false, false],
+    [false, true, false],
+    [true, false, false],
+    [true, true, false],
+    [false, false, true],
+    [false, true, true],
+    [true, false, true],
+    [true, true, true],
+];
+
 /// Every module of the pass.
 pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
-    let payloads = [Payload::Occlusion, Payload::Radiance, Payload::LitRadiance];
+    let payloads = [
+        Payload::Occlusion,
+        Payload::Radiance,
+        Payload::LitRadiance,
+        Payload::Sky,
+    ];
     let traced = [
         Primitives::Triangles,
         Primitives::Disks { levels: 1 },
@@ -698,22 +775,22 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
         #[cfg(feature = "ray-query")]
         Primitives::RayQuery,
     ];
-    let switches = [false, true];
     for payload in payloads {
         for primitives in traced {
             for sampling in [Sampling::Cosine, Sampling::Glossy] {
-                for statistics in switches {
-                    for counted in switches {
-                        let descriptor = BouncedDescriptor {
-                            payload,
-                            primitives,
-                            sampling,
-                            statistics,
-                            counted,
-                        };
-                        if !is_possible(&descriptor) || (statistics && primitives.by_device()) {
-                            continue;
-                        }
+                for [statistics, counted, environment] in SWITCHES {
+                    let descriptor = BouncedDescriptor {
+                        payload,
+                        primitives,
+                        sampling,
+                        statistics,
+                        counted,
+                        environment,
+                    };
+                    if is_possible(&descriptor)
+                        && is_environment_possible(&descriptor)
+                        && !(statistics && primitives.by_device())
+                    {
                         list_stages(all, &descriptor)?;
                     }
                 }
@@ -734,10 +811,12 @@ fn list_stages(all: &mut Listing<'_>, descriptor: &BouncedDescriptor) -> Result<
         let name = name_of(
             match descriptor.payload {
                 Payload::Occlusion => "bounced_z_buffer occlusion",
-                Payload::Radiance | Payload::LitRadiance => "bounced_z_buffer radiance",
+                _ => "bounced_z_buffer radiance",
             },
             &[
+                (descriptor.sky(), "sky"),
                 (descriptor.lit(), "lit"),
+                (descriptor.environment && !descriptor.sky(), "environment"),
                 (descriptor.primitives.are_disks(), "disks"),
                 (descriptor.primitives == Primitives::Instances, "instances"),
                 (descriptor.primitives.by_device(), "ray query"),

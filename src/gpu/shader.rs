@@ -59,6 +59,7 @@ const COMMON: &[Module<'static>] = common![
     disk_bvh_layout,
     disk_bvh_traverse,
     directions,
+    environment,
     kinship,
     spherical_gaussian,
     sg_glossy,

@@ -41,7 +41,8 @@ const LABEL: &str = "deep-screen-space hit resolver";
 /// Gathers the hits of a [`BouncedZBuffer`](crate::BouncedZBuffer) over each pixel's neighbourhood, as wide as they are far away,
 /// fits a plane to what it finds there, and writes its value at the pixel into the caller's texture: with [`Payload::Occlusion`]
 /// ambient visibility, 1 = open, with [`Payload::Radiance`] the radiance that a diffuse surface of the G-buffer's albedo sends
-/// on, linear RGB, W/(m² sr). The sky is open, and dark.
+/// on, linear RGB, W/(m² sr), and with [`Payload::Sky`] what a white one sends on of an environment: irradiance over π. The sky
+/// is open, and dark. Made for either kind of radiance it takes the other too, with or without albedo as it was made for.
 ///
 /// With [`Sampling::Glossy`] the surface is glossy instead: `∫ L(ω) f(ω, view) ⟨n, ω⟩ dω` with `f = D G F / (4 ⟨n, ω⟩ ⟨n,
 /// view⟩)`, D and G those of Trowbridge-Reitz (GGX) with correlated heights (Heitz, *Understanding the Masking-Shadowing
@@ -80,7 +81,14 @@ pub struct HitResolverDescriptor {
     pub counted: bool,
     /// Whether to resolve means over frames too, where [`HitResolverInput::history`] has them; not with `deferred`.
     pub joined: bool,
-    /// Any colour format that can be rendered to; its missing channels are dropped.
+    /// Whether the picture is bent normals in place of visibility: in xyz the mean of the directions in which nothing is hit,
+    /// weighed by the cosine, made a unit vector of the world's axes (Landis, *Production-Ready Global Illumination*, 2002), the
+    /// pixel's own normal where all is closed; in w ambient visibility, 0 to 1. Together they are a cone: one about the bent
+    /// normal, of the half angle `asin(√w)`, is as open ([`HitResolver::cone_angle`]). Surfaces that have no normal, the sky, are
+    /// 0 and open. With [`Payload::Occlusion`] and [`Sampling::Cosine`], and without `deferred`, `counted` and `joined`.
+    pub bent_normals: bool,
+    /// Any colour format that can be rendered to; its missing channels are dropped. For bent normals one of four channels that
+    /// holds negative numbers.
     pub target: TextureFormat,
 }
 
@@ -91,7 +99,7 @@ impl HitResolverDescriptor {
 
     /// Whether it multiplies by the G-buffer's albedo.
     fn albedo(&self) -> bool {
-        self.payload.is_radiance() && !self.glossy()
+        self.payload.is_radiance() && !self.glossy() && self.payload != Payload::Sky
     }
 }
 
@@ -167,21 +175,30 @@ impl BouncedZBuffer {
         target: TextureFormat,
         deferred: bool,
     ) -> Result<HitResolver, Error> {
+        HitResolver::new(compiler, &self.resolver_descriptor(target, deferred))
+    }
+
+    /// What that one is made for.
+    pub(crate) fn resolver_descriptor(
+        &self,
+        target: TextureFormat,
+        deferred: bool,
+    ) -> HitResolverDescriptor {
         let BouncedDescriptor {
             payload,
             sampling,
             counted,
             ..
         } = *self.descriptor();
-        let descriptor = HitResolverDescriptor {
+        HitResolverDescriptor {
             payload,
             sampling,
             deferred,
             counted,
             joined: false,
+            bent_normals: false,
             target,
-        };
-        HitResolver::new(compiler, &descriptor)
+        }
     }
 }
 
@@ -189,8 +206,8 @@ impl HitResolver {
     /// Compiles the pipelines.
     ///
     /// # Errors
-    /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats; [`Error::Setting`] for `joined` with
-    /// `deferred`.
+    /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats, or not those of bent normals;
+    /// [`Error::Setting`] for `joined` with `deferred`, and for bent normals with what they do not go with.
     pub fn new<'a>(
         compiler: impl Into<Compiler<'a>>,
         descriptor: &HitResolverDescriptor,
@@ -203,6 +220,7 @@ impl HitResolver {
             f64::from(u8::from(descriptor.joined)),
             "false, with deferred",
         )?;
+        check_bent(descriptor)?;
         let module = |stage| -> Result<_, Error> {
             Ok(shader::create(device, LABEL, source(descriptor, stage)?))
         };
@@ -255,6 +273,12 @@ impl HitResolver {
             reconstruct: screen(HitStage::Reconstruct)?,
             reconstruct_joined: joined.transpose()?,
         })
+    }
+
+    /// The half angle of the cone about a bent normal that is as open as the pixel, radians, 0 to π/2, of the picture's w: a cone
+    /// of that half angle about the normal has the visibility sin² of it.
+    pub fn cone_angle(visibility: f32) -> f32 {
+        visibility.clamp(0.0, 1.0).sqrt().asin()
     }
 
     /// Room for the reconstruction of a view's hits.
@@ -498,6 +522,13 @@ impl HitResolver {
                 needed: kind(needed.payload, needed.sampling, needed.counted),
             });
         }
+        if needed.deferred && found.drawn_by_environment() {
+            return Err(Error::Mismatch {
+                name: "HitResolverInput::hits",
+                found: "directions that an environment drew".into(),
+                needed: "those of the settings alone, with HitResolverDescriptor::deferred".into(),
+            });
+        }
         let traced = hits.recorded.get("BouncedView")?;
         traced.of.check_last("BouncedView", "SurfelCloud")?;
         frame.check_place("BouncedView", &traced.place)?;
@@ -513,6 +544,43 @@ impl HitResolver {
             .then(|| frame.gbuffer.roughness_for("Sampling::Glossy"))
             .transpose()
     }
+}
+
+/// That bent normals can be had, and the target holds them.
+fn check_bent(descriptor: &HitResolverDescriptor) -> Result<(), Error> {
+    if !descriptor.bent_normals {
+        return Ok(());
+    }
+    let HitResolverDescriptor {
+        payload,
+        sampling,
+        deferred,
+        counted,
+        joined,
+        ..
+    } = *descriptor;
+    let plain = payload == Payload::Occlusion && sampling == Sampling::Cosine;
+    check_setting(
+        plain && !deferred && !counted && !joined,
+        "HitResolverDescriptor::bent_normals",
+        1.0,
+        "false, unless with Payload::Occlusion, Sampling::Cosine, and without deferred, counted and joined",
+    )?;
+    let holds = matches!(
+        descriptor.target,
+        TextureFormat::Rgba8Snorm
+            | TextureFormat::Rgba16Snorm
+            | TextureFormat::Rgba16Float
+            | TextureFormat::Rgba32Float
+    );
+    if !holds {
+        return Err(Error::Format {
+            name: "HitResolver target",
+            format: descriptor.target,
+            accepted: "four channels that hold negative numbers, for bent normals",
+        });
+    }
+    Ok(())
 }
 
 /// Hits as a binding.
@@ -552,6 +620,8 @@ fn source(descriptor: &HitResolverDescriptor, stage: HitStage) -> Result<String,
         HitStage::Reconstruct => {}
         HitStage::Joined => flags.push("JOINED"),
     }
+    let is_bent = descriptor.bent_normals && stage != HitStage::Near;
+    flags.extend(is_bent.then_some("BENT"));
     flags.extend(counted.then_some(match stage {
         HitStage::Average | HitStage::Near => "RAYS",
         HitStage::Reconstruct | HitStage::Joined => "COUNTED",
@@ -561,7 +631,7 @@ fn source(descriptor: &HitResolverDescriptor, stage: HitStage) -> Result<String,
 
 /// Every module of the pass.
 pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
-    for payload in [Payload::Occlusion, Payload::Radiance] {
+    for payload in [Payload::Occlusion, Payload::Radiance, Payload::Sky] {
         for sampling in [Sampling::Cosine, Sampling::Glossy] {
             for counted in [false, true] {
                 for (deferred, stage) in [
@@ -577,10 +647,16 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
                         deferred,
                         counted,
                         joined: false,
+                        bent_normals: false,
                         target: TextureFormat::Rgba16Float,
                     };
                     let is_glossy = sampling == Sampling::Glossy;
                     let is_near = stage == HitStage::Near;
+                    // The albedo is all that tells light of the sky from other light.
+                    let reads_albedo = matches!(stage, HitStage::Reconstruct | HitStage::Joined);
+                    if payload == Payload::Sky && (is_glossy || deferred || !reads_albedo) {
+                        continue;
+                    }
                     if is_near && (is_glossy || (!counted && payload != Payload::Occlusion)) {
                         continue;
                     }
@@ -588,6 +664,7 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
                         match payload {
                             _ if is_near && !counted => "hit_resolver",
                             Payload::Occlusion => "hit_resolver occlusion",
+                            Payload::Sky => "hit_resolver sky",
                             Payload::Radiance | Payload::LitRadiance => "hit_resolver radiance",
                         },
                         &[
@@ -604,6 +681,21 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
                 }
             }
         }
+    }
+    let bent = HitResolverDescriptor {
+        payload: Payload::Occlusion,
+        sampling: Sampling::Cosine,
+        deferred: false,
+        counted: false,
+        joined: false,
+        bent_normals: true,
+        target: TextureFormat::Rgba16Float,
+    };
+    for (stage, name) in [
+        (HitStage::Average, "hit_resolver bent average"),
+        (HitStage::Reconstruct, "hit_resolver bent reconstruct"),
+    ] {
+        all.add(name, source(&bent, stage)?);
     }
     Ok(())
 }

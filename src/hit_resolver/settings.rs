@@ -100,6 +100,33 @@ impl HitResolverSettings {
         }
     }
 
+    /// The same for what an environment sends, [`Payload::Sky`](crate::Payload::Sky), where a small sun's shadow may end within
+    /// a pixel: neighbours whose means differ by more than their noise hardly count. Measured in three scenes under two skies.
+    pub fn for_environment(rays_per_pixel: u32) -> Self {
+        let few = rays_per_pixel.clamp(1, 64) as f32;
+        let spread = 4.9 * few.powf(-0.24);
+        Self {
+            radius: (1.6 * spread).round() as u32,
+            spread,
+            // The fewer directions, the less is known of their noise.
+            variance_clamp: 12.0 / few.sqrt(),
+            ..Self::default()
+        }
+    }
+
+    /// The same for bent normals, which a window turns where it bends their cone's edge: narrower than for occlusion. Measured in
+    /// three scenes, at 64 directions.
+    pub fn for_bent_normals(rays_per_pixel: u32) -> Self {
+        let few = rays_per_pixel.clamp(1, 64) as f32;
+        let spread = 5.0 * few.powf(-0.34);
+        Self {
+            radius: (1.6 * spread).round() as u32,
+            spread,
+            variance_clamp: 12.0 / few.sqrt(),
+            ..Self::default()
+        }
+    }
+
     /// Checks every field.
     ///
     /// # Errors

@@ -134,8 +134,8 @@ pub struct Candidate {
 /// near.
 ///
 /// # Errors
-/// [`Error::Setting`] for a size, a budget or a calibration out of range, and for a time without a calibration;
-/// [`Error::Limit`] where the device has room for no method.
+/// [`Error::Setting`] for a size, a budget or a calibration out of range, for an effect that no curve is of, and for a time
+/// without a calibration; [`Error::Limit`] where the device has room for no method.
 pub fn plan(request: &PlanRequest<'_>) -> Result<Plan, Error> {
     check(request)?;
     let curves = match request.effect {
@@ -181,6 +181,16 @@ fn check(request: &PlanRequest<'_>) -> Result<(), Error> {
     for side in request.size {
         check_setting(side > 0, "PlanRequest::size", side, "at least 1 x 1")?;
     }
+    let measured = !matches!(
+        request.effect,
+        RayTracedEffect::DirectionalOcclusion { .. } | RayTracedEffect::BentNormals { .. }
+    );
+    check_setting(
+        measured,
+        "PlanRequest::effect",
+        f64::from(u8::from(measured)),
+        "ambient occlusion and indirect light, whose errors were measured",
+    )?;
     if let Some(calibration) = request.calibration {
         calibration.validate()?;
     }

@@ -8,9 +8,9 @@ use crate::{
 /// How exactly: a point on the curve of error over time, which `cargo bench --bench error_time` measures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Quality {
-    /// 4 rays per pixel for occlusion. For light 8, half of them where noise is greatest.
+    /// 4 rays per pixel for occlusion, of an environment too. For light 8, half of them where noise is greatest.
     Fast,
-    /// 16 rays per pixel for occlusion. For light 40, half of them where noise is greatest.
+    /// 16 rays per pixel for occlusion, of an environment too. For light 40, half of them where noise is greatest.
     #[default]
     Balanced,
     /// 64 rays per pixel, for light half of them where noise is greatest.
@@ -25,7 +25,7 @@ impl Quality {
     /// [everywhere](RaySettings::everywhere) alike.
     pub fn rays(self, payload: Payload) -> RaySettings {
         // Occlusion gains nothing by rays that go where noise is: it is nearly the same everywhere.
-        if !payload.is_radiance() {
+        if matches!(payload, Payload::Occlusion | Payload::Sky) {
             let rays_per_pixel = match self {
                 Self::Fast => 4,
                 Self::Balanced => 16,
@@ -80,10 +80,12 @@ pub struct RaySettings {
 impl RaySettings {
     /// So many rays, and the filter that suits them.
     pub fn new(rays_per_pixel: u32, payload: Payload) -> Self {
-        let filter = if payload.is_radiance() {
-            HitResolverSettings::for_light(rays_per_pixel)
-        } else {
-            HitResolverSettings::for_occlusion(rays_per_pixel)
+        let filter = match payload {
+            Payload::Occlusion => HitResolverSettings::for_occlusion(rays_per_pixel),
+            Payload::Sky => HitResolverSettings::for_environment(rays_per_pixel),
+            Payload::Radiance | Payload::LitRadiance => {
+                HitResolverSettings::for_light(rays_per_pixel)
+            }
         };
         Self {
             rays_per_pixel,

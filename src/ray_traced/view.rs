@@ -16,11 +16,15 @@ use crate::{
     bvh::Primitives,
     camera::{Camera, Viewport},
     effect::Channels,
+    environment::EnvironmentLight,
     error::{Error, check_setting},
     gbuffer::GBuffer,
     gpu::compiler::Compiler,
     gpu::screen,
-    hit_resolver::{HitResolver, HitResolverInput, HitResolverView},
+    hit_resolver::{
+        HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverView,
+        settings::HitResolverSettings,
+    },
     ray_budget::{RayBudget, RayBudgetInput, view::RayBudgetView},
     receivers::{FrameInput, GBufferDecoder, Receivers, plane_bytes, plane_for},
     recorded::never,
@@ -36,6 +40,18 @@ use crate::{
 pub enum RayTracedEffect {
     /// Ambient visibility, 0 to 1 (open), in all channels.
     AmbientOcclusion {
+        /// The distance beyond which nothing occludes, world units, ≥ 0; `f32::INFINITY` for none.
+        radius: f32,
+    },
+    /// What a white diffuse surface sends on of an [`Environment`](crate::Environment), where nothing hides it: irradiance over
+    /// π, W/(m² sr), linear RGB; times a surface's albedo what it reflects. The environment is [`RayTracedInput::environment`]'s.
+    DirectionalOcclusion {
+        /// The distance beyond which nothing occludes, world units, ≥ 0; `f32::INFINITY` for none.
+        radius: f32,
+    },
+    /// The mean direction in which nothing is, and ambient visibility, in four channels:
+    /// [`HitResolverDescriptor::bent_normals`]. Each frame for itself.
+    BentNormals {
         /// The distance beyond which nothing occludes, world units, ≥ 0; `f32::INFINITY` for none.
         radius: f32,
     },
@@ -56,7 +72,8 @@ impl RayTracedEffect {
     /// What is kept of a hit.
     pub fn payload(&self) -> Payload {
         match self {
-            Self::AmbientOcclusion { .. } => Payload::Occlusion,
+            Self::AmbientOcclusion { .. } | Self::BentNormals { .. } => Payload::Occlusion,
+            Self::DirectionalOcclusion { .. } => Payload::Sky,
             Self::IndirectDiffuse { .. } | Self::IndirectSpecular { .. } => Payload::LitRadiance,
         }
     }
@@ -70,7 +87,7 @@ impl RayTracedEffect {
 
     fn channels(&self) -> Channels {
         match self {
-            Self::AmbientOcclusion { .. } => Channels::One,
+            Self::AmbientOcclusion { .. } | Self::BentNormals { .. } => Channels::One,
             _ => Channels::Three,
         }
     }
@@ -85,6 +102,10 @@ pub struct RayTracedViewDescriptor {
     pub rays: RaySettings,
     /// What rays meet: what the scene was made for.
     pub primitives: Primitives,
+    /// Whether what arrives from where nothing is comes from [`RayTracedInput::environment`] in place of the effect's
+    /// `sky_radiance`. So it does for [`RayTracedEffect::DirectionalOcclusion`] in any case, and it is of no use to
+    /// [`RayTracedEffect::AmbientOcclusion`] and [`RayTracedEffect::BentNormals`].
+    pub environment: bool,
     /// How frames are joined, if they are: each then has rays of its own, and few are enough.
     pub temporal: Option<TemporalSettings>,
     /// Format of the caller's texture: any colour format of floats that can be rendered to.
@@ -94,7 +115,10 @@ pub struct RayTracedViewDescriptor {
 impl RayTracedViewDescriptor {
     /// Each frame for itself.
     pub fn new(effect: RayTracedEffect, quality: Quality, target: TextureFormat) -> Self {
-        let rays = quality.rays(effect.payload());
+        let mut rays = quality.rays(effect.payload());
+        if let RayTracedEffect::BentNormals { .. } = effect {
+            rays.filter = HitResolverSettings::for_bent_normals(rays.rays_per_pixel);
+        }
         Self {
             effect,
             rays: match effect.sampling() {
@@ -102,6 +126,7 @@ impl RayTracedViewDescriptor {
                 Sampling::Cosine | Sampling::Uniform => rays,
             },
             primitives: Primitives::default(),
+            environment: false,
             temporal: None,
             target,
         }
@@ -119,6 +144,9 @@ pub struct RayTracedInput<'a> {
     pub motion: Option<MotionVectors<'a>>,
     /// Whether to forget earlier frames, as a camera's cut needs.
     pub reset: bool,
+    /// What comes from where nothing is, for [`RayTracedEffect::DirectionalOcclusion`] and a view that was made for
+    /// [`RayTracedViewDescriptor::environment`].
+    pub environment: Option<EnvironmentLight<'a>>,
     /// The caller's texture, of the view's format, usage `RENDER_ATTACHMENT`, covering the camera's viewport. Only the
     /// viewport is written.
     pub target: TextureSlice<'a>,
@@ -136,6 +164,7 @@ impl<'a> RayTracedInput<'a> {
             camera,
             motion: None,
             reset: false,
+            environment: None,
             target: target.into(),
         }
     }
@@ -188,7 +217,8 @@ impl RayTracedView {
     ///
     /// # Errors
     /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats; [`Error::Setting`] for settings out of
-    /// range; [`Error::Feature`] and [`Error::Limit`] for primitives that the device was not made for.
+    /// range; [`Error::Feature`] and [`Error::Limit`] for primitives that the device was not made for; [`Error::Mismatch`] for
+    /// bent normals over frames.
     pub fn new<'a>(
         compiler: impl Into<Compiler<'a>>,
         descriptor: &RayTracedViewDescriptor,
@@ -199,9 +229,11 @@ impl RayTracedView {
             effect,
             rays,
             primitives,
+            environment,
             temporal,
             target,
         } = *descriptor;
+        let bent_normals = matches!(effect, RayTracedEffect::BentNormals { .. });
         screen::check_format(device, "RayTracedView target", target)?;
         check_rays(&effect, &rays)?;
         let tracer = BouncedDescriptor {
@@ -209,9 +241,18 @@ impl RayTracedView {
             sampling: effect.sampling(),
             primitives,
             counted: rays.further.is_some(),
+            environment: effect.payload() == Payload::Sky
+                || (environment && effect.payload().is_radiance()),
             ..BouncedDescriptor::default()
         };
         let tracer = BouncedZBuffer::new(compiler, &tracer)?;
+        if bent_normals && temporal.is_some() {
+            return Err(Error::Mismatch {
+                name: "RayTracedViewDescriptor::temporal",
+                found: "frames that are joined".into(),
+                needed: "none, for RayTracedEffect::BentNormals".into(),
+            });
+        }
         let temporal = temporal
             .map(|settings| {
                 settings.validate()?;
@@ -228,7 +269,13 @@ impl RayTracedView {
             .as_ref()
             .map_or(target, |_| picture_format(&effect));
         Ok(Self {
-            resolver: tracer.resolver(compiler, resolved, false)?,
+            resolver: HitResolver::new(
+                compiler,
+                &HitResolverDescriptor {
+                    bent_normals,
+                    ..tracer.resolver_descriptor(resolved, false)
+                },
+            )?,
             decoder: GBufferDecoder::new(compiler)?,
             budget: rays.further.map(|_| RayBudget::new(compiler)).transpose()?,
             tracer,
@@ -278,11 +325,12 @@ impl RayTracedView {
     /// Records the effect into the caller's texture.
     ///
     /// # Errors
-    /// [`Error::Recording`] where the scene was not recorded; [`Error::Mismatch`] where it is of other primitives, where light is
-    /// asked for and it was recorded without lighting, or where the G-buffer lacks the albedo or roughness that the effect
-    /// needs; what [`GBuffer::validate`] finds; [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target;
-    /// [`Error::Limit`] for a viewport beyond the device's. What [`TemporalAccumulator::record`] finds of motion vectors comes
-    /// after the frame's rays were recorded, and leaves the target alone.
+    /// [`Error::Recording`] where the scene or the environment was not recorded; [`Error::Mismatch`] where it is of other
+    /// primitives, where light is asked for and it was recorded without lighting, where an environment is needed and there is
+    /// none, or where the G-buffer lacks the albedo or roughness that the effect needs; what [`GBuffer::validate`] finds;
+    /// [`Error::Format`], [`Error::Size`] or [`Error::Usage`] for the target; [`Error::Limit`] for a viewport beyond the
+    /// device's. What [`TemporalAccumulator::record`] finds of motion vectors comes after the frame's rays were recorded, and
+    /// leaves the target alone.
     pub fn record(
         &mut self,
         device: &Device,
@@ -311,6 +359,7 @@ impl RayTracedView {
                 (Payload::LitRadiance, Some(lighting)) => HitRadiance::Lit(lighting),
                 _ => HitRadiance::None,
             },
+            environment: input.environment,
             ..BouncedInput::of(&frame, traced)
         };
         let settings = settings_of(&self.effect, &self.rays, number);
@@ -375,7 +424,9 @@ impl RayTracedView {
         let viewport = input.camera.viewport();
         input.gbuffer.validate(viewport)?;
         match self.effect {
-            RayTracedEffect::AmbientOcclusion { .. } => {}
+            RayTracedEffect::AmbientOcclusion { .. }
+            | RayTracedEffect::DirectionalOcclusion { .. }
+            | RayTracedEffect::BentNormals { .. } => {}
             RayTracedEffect::IndirectDiffuse { .. } => {
                 input
                     .gbuffer
@@ -387,7 +438,17 @@ impl RayTracedView {
                     .roughness_for("RayTracedEffect::IndirectSpecular")?;
             }
         }
-        if self.effect.payload().is_radiance() && scene.lighting().is_none() {
+        if self.tracer.descriptor().environment {
+            let Some(light) = input.environment else {
+                return Err(Error::Mismatch {
+                    name: "RayTracedInput::environment",
+                    found: "none".into(),
+                    needed: "an environment, as the view was made for".into(),
+                });
+            };
+            light.validate()?;
+        }
+        if self.effect.payload() == Payload::LitRadiance && scene.lighting().is_none() {
             return Err(Error::Mismatch {
                 name: "RayTracedSceneInput::lighting",
                 found: "none".into(),
@@ -479,7 +540,9 @@ fn picture_format(effect: &RayTracedEffect) -> TextureFormat {
 
 fn settings_of(effect: &RayTracedEffect, rays: &RaySettings, frame: u32) -> BouncedSettings {
     let (radius, sky_radiance) = match *effect {
-        RayTracedEffect::AmbientOcclusion { radius } => (radius, [0.0; 3]),
+        RayTracedEffect::AmbientOcclusion { radius }
+        | RayTracedEffect::DirectionalOcclusion { radius }
+        | RayTracedEffect::BentNormals { radius } => (radius, [0.0; 3]),
         RayTracedEffect::IndirectDiffuse { sky_radiance }
         | RayTracedEffect::IndirectSpecular { sky_radiance } => (f32::INFINITY, sky_radiance),
     };

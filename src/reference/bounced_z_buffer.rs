@@ -9,7 +9,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{
-    directions::{Direction, directions, further_point, hemisphere_direction},
+    directions::{Direction, directions, further_point, hemisphere_direction, strewn_point},
+    environment::{Cells, Sample},
     light::arrival,
     packing::pack_color,
     shell_splatter::Receiver,
@@ -20,6 +21,7 @@ use crate::{
     BouncedSettings, Camera, CloudCapacity, Light, Material, Sampling, SurfelCounts,
     SurfelRadiance,
     bounced_z_buffer::{params::grid, words},
+    environment::params::cosine_rays,
 };
 
 /// Stands for infinity.
@@ -255,6 +257,58 @@ impl Tracing<'_> {
             .collect()
     }
 
+    /// Where a diffuse pixel's ray goes, and what its radiance counts, 0 if it is not to be traced.
+    pub fn draw(&self, environment: &Cells, pixel: usize, index: u32) -> Option<(Sample, f64)> {
+        let Receiver { normal, .. } = self.receivers[pixel]?;
+        let width = self.camera.viewport().width;
+        let at = [pixel as u32 % width, pixel as u32 / width];
+        let own = cosine_rays(self.settings);
+        let all = self.settings.rays_per_pixel;
+        let frame = self.settings.frame;
+        let toward = if index < own {
+            let point = further_point(at, [index, 0], grid(own), frame);
+            environment.at(hemisphere_direction(point, normal, Sampling::Cosine).direction)
+        } else {
+            environment.sample(strewn_point(at, [index - own, 0], all - own, frame))
+        };
+        let cosine = normal.dot(toward.direction).max(0.0) / PI;
+        let [own, all] = [own, all].map(f64::from);
+        let others = (all - own) / all * toward.pdf;
+        Some((toward, cosine / (own / all * cosine + others).max(1e-30)))
+    }
+
+    /// With [`BouncedDescriptor::environment`](crate::BouncedDescriptor::environment) what each ray brings of the environment
+    /// where it meets nothing, and of `hit` where it meets something: colours not yet packed, those of a pixel together.
+    pub fn under(
+        &self,
+        environment: &Cells,
+        hit: impl Fn(&Ray, &Hit) -> DVec3 + Sync,
+    ) -> Vec<DVec3> {
+        let all = self.settings.rays_per_pixel as usize;
+        let t_max = f64::from(self.settings.radius).min(FAR);
+        (0..all * self.receivers.len())
+            .into_par_iter()
+            .map(|i| {
+                let pixel = i / all;
+                let drawn = self.draw(environment, pixel, (i % all) as u32);
+                let (Some(receiver), Some((toward, weight))) = (self.receivers[pixel], drawn)
+                else {
+                    return DVec3::ZERO;
+                };
+                if weight <= 0.0 {
+                    return DVec3::ZERO;
+                }
+                let Receiver { position, normal } = receiver;
+                let ray = Ray {
+                    origin: offset_origin(self.camera, self.origin, position, normal),
+                    direction: toward.direction,
+                };
+                let met = nearest(&ray, self.pieces, t_max);
+                weight * met.map_or(toward.radiance, |met| hit(&ray, &met))
+            })
+            .collect()
+    }
+
     /// What each ray meets first.
     pub fn hits(&self) -> Vec<Option<Hit>> {
         let t_max = f64::from(self.settings.radius).min(FAR);
@@ -344,7 +398,7 @@ impl Tracing<'_> {
     }
 
     /// What a hit sends back along its ray.
-    fn lit_at(&self, ray: &Ray, hit: &Hit, materials: &[Material], lights: &[Light]) -> DVec3 {
+    pub fn lit_at(&self, ray: &Ray, hit: &Hit, materials: &[Material], lights: &[Light]) -> DVec3 {
         let piece = &self.pieces[hit.piece];
         let t = piece.corners;
         let normal = (t.b - t.a).cross(t.c - t.a);

@@ -37,6 +37,30 @@ pub const LATTICE: [[u32; 2]; 2] = [
 /// By what the points of a further set are off those of the set before, in units of 2⁻³².
 pub const TURN_STEP: [u32; 2] = [3_242_174_889, 2_447_445_414];
 
+/// The fractional part of the golden ratio, in the same units.
+pub const GOLDEN_STEP: u32 = 2_654_435_769;
+
+/// Where in its cell, in those units, the point lies of a key's further set of rays.
+fn point_within(pixel: [u32; 2], [index, turn]: [u32; 2], frame: u32) -> [u32; 2] {
+    let key = hash(index + 1);
+    let over_frames = [scramble(frame, key), scramble(sobol2(frame), hash(key))];
+    [0, 1].map(|axis: usize| {
+        let [column, row] = LATTICE[axis];
+        let over_pixels = column
+            .wrapping_mul(pixel[0])
+            .wrapping_add(row.wrapping_mul(pixel[1]));
+        let within = over_pixels.wrapping_add(over_frames[axis].reverse_bits());
+        within.wrapping_add(turn.wrapping_mul(TURN_STEP[axis]))
+    })
+}
+
+/// A point of the unit square for one of `count` rays that no grid suits.
+pub fn strewn_point(pixel: [u32; 2], [index, turn]: [u32; 2], count: u32, frame: u32) -> DVec2 {
+    let [x, y] = point_within(pixel, [0, turn], frame);
+    let x = unit_float(x.wrapping_add(index.wrapping_mul(GOLDEN_STEP)));
+    DVec2::new(x, (f64::from(index) + unit_float(y)) / f64::from(count))
+}
+
 /// The point of cell `index` of columns × rows, in the unit square, of a pixel's first set.
 pub fn cell_point(pixel: [u32; 2], index: u32, grid: [u32; 2], frame: u32) -> DVec2 {
     further_point(pixel, [index, 0], grid, frame)
@@ -49,16 +73,7 @@ pub fn further_point(
     [columns, rows]: [u32; 2],
     frame: u32,
 ) -> DVec2 {
-    let key = hash(index + 1);
-    let over_frames = [scramble(frame, key), scramble(sobol2(frame), hash(key))];
-    let [x, y] = [0, 1].map(|axis: usize| {
-        let [column, row] = LATTICE[axis];
-        let over_pixels = column
-            .wrapping_mul(pixel[0])
-            .wrapping_add(row.wrapping_mul(pixel[1]));
-        let within = over_pixels.wrapping_add(over_frames[axis].reverse_bits());
-        unit_float(within.wrapping_add(turn.wrapping_mul(TURN_STEP[axis])))
-    });
+    let [x, y] = point_within(pixel, [index, turn], frame).map(unit_float);
     DVec2::new(
         (f64::from(index % columns) + x) / f64::from(columns),
         (f64::from(index / columns) + y) / f64::from(rows),

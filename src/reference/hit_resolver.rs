@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use glam::{DVec2, DVec3, IVec2};
+use glam::{DVec2, DVec3, DVec4, IVec2};
 use rayon::prelude::*;
 
 use super::{
@@ -121,14 +121,62 @@ impl HitResolution<'_> {
                     mean = (sum + own.sum) / rays;
                 }
                 let whole = match self.payload {
-                    Payload::Radiance | Payload::LitRadiance => luminance(mean),
                     Payload::Occlusion => 1.0,
+                    _ => luminance(mean),
                 };
                 let chance = 0.5 * whole / rays;
                 Mean {
                     mean,
                     variance: 0.5 * spread / rays + chance * chance,
                 }
+            })
+            .collect()
+    }
+
+    /// Of each pixel by how much the mean of the open directions leans off that of all, and in the last component the share of
+    /// those that are open.
+    pub fn lean(&self) -> Vec<DVec4> {
+        let drawn = self.drawn();
+        let rays_per_pixel = drawn.len() / self.receivers.len().max(1);
+        (0..self.receivers.len())
+            .map(|pixel| {
+                let (mut open, mut all) = (DVec4::ZERO, DVec3::ZERO);
+                for i in pixel * rays_per_pixel..(pixel + 1) * rays_per_pixel {
+                    let Some(Direction { direction, .. }) = drawn[i] else {
+                        return DVec4::ZERO;
+                    };
+                    open += self.incoming[i].x * direction.extend(1.0);
+                    all += direction;
+                }
+                let per_ray = 1.0 / rays_per_pixel as f64;
+                let openness = open.w * per_ray;
+                ((open.truncate() - openness * all) * per_ray).extend(openness)
+            })
+            .collect()
+    }
+
+    /// Bent normals, and in the last component visibility, of what [`lean`](Self::lean) gave; `None` for the sky.
+    pub fn bent(&self, leans: &[DVec4], near: &[f64]) -> Vec<Option<DVec4>> {
+        let rays = f64::from(self.traced.rays_per_pixel.max(1));
+        let chance = 0.5 / rays;
+        let fitted = |part: &dyn Fn(&DVec4) -> DVec3| {
+            let means: Vec<Mean> = leans
+                .iter()
+                .map(|lean| Mean {
+                    mean: part(lean),
+                    variance: 0.5 * lean.w * (1.0 - lean.w) / rays + chance * chance,
+                })
+                .collect();
+            self.fit(&means, Some(leans), near)
+        };
+        let leaning = fitted(&|lean| lean.truncate());
+        let openness = fitted(&|lean| DVec3::splat(lean.w));
+        (0..self.receivers.len())
+            .map(|i| {
+                let normal = self.receivers[i]?.normal;
+                let openness = openness[i]?.x.clamp(0.0, 1.0);
+                let bent = leaning[i]? + 2.0 / 3.0 * openness * normal;
+                Some(bent.normalize_or(normal).extend(openness))
             })
             .collect()
     }
@@ -207,17 +255,37 @@ impl HitResolution<'_> {
 
     /// The plane about each pixel, before it meets the albedo; `None` for the sky.
     pub fn reconstruct(&self, means: &[Mean], near: &[f64]) -> Vec<Option<DVec3>> {
+        self.fit(means, None, near)
+            .into_iter()
+            .map(|value| {
+                let value = value?;
+                Some(match self.payload {
+                    Payload::Occlusion => value.clamp(DVec3::ZERO, DVec3::ONE),
+                    _ => value.max(DVec3::ZERO),
+                })
+            })
+            .collect()
+    }
+
+    /// The same before it is held to what there can be, with neighbours' differences those of `leans` where there are any.
+    fn fit(&self, means: &[Mean], leans: Option<&[DVec4]>, near: &[f64]) -> Vec<Option<DVec3>> {
         let drawn = self.drawn();
         let width = self.size().x;
         (0..self.receivers.len() as i32)
             .into_par_iter()
-            .map(|i| self.reconstructed((means, near), &drawn, IVec2::new(i % width, i / width)))
+            .map(|i| {
+                self.reconstructed(
+                    (means, leans, near),
+                    &drawn,
+                    IVec2::new(i % width, i / width),
+                )
+            })
             .collect()
     }
 
     fn reconstructed(
         &self,
-        (means, near): (&[Mean], &[f64]),
+        (means, leans, near): (&[Mean], Option<&[DVec4]>, &[f64]),
         drawn: &[Option<Direction>],
         at: IVec2,
     ) -> Option<DVec3> {
@@ -274,7 +342,10 @@ impl HitResolution<'_> {
                 let hits_aside = d.length() * nearest * per_hit_distance;
                 let mut distance = aside.length_squared() * falloff + hits_aside * hits_aside;
                 if settings.variance_clamp > 0.0 && own.variance >= 0.0 {
-                    let difference = luminance(theirs.mean) - luminance(own.mean);
+                    let difference = match leans {
+                        Some(leans) => (leans[index(there)] - leans[index(at)]).length(),
+                        None => luminance(theirs.mean) - luminance(own.mean),
+                    };
                     let variance_clamp = f64::from(settings.variance_clamp);
                     let allowed =
                         variance_clamp * variance_clamp * (theirs.variance + own.variance) + 1e-30;
@@ -316,7 +387,7 @@ impl HitResolution<'_> {
             return Some(match self.payload {
                 _ if near_weights > 0.0 => near_sum / near_weights,
                 Payload::Occlusion => DVec3::ONE,
-                Payload::Radiance | Payload::LitRadiance => DVec3::ZERO,
+                _ => DVec3::ZERO,
             });
         }
         let per_weight = 1.0 / f64::max(weights, 1e-6);
@@ -332,10 +403,6 @@ impl HitResolution<'_> {
         let per_determinant = 1.0 / (uu * vv - uv * uv).max(1e-30);
         let slope_u = (vv * along_u - uv * along_v) * per_determinant;
         let slope_v = (uu * along_v - uv * along_u) * per_determinant;
-        let value = own.mean + average - slope_u * middle.x - slope_v * middle.y;
-        Some(match self.payload {
-            Payload::Radiance | Payload::LitRadiance => value.max(DVec3::ZERO),
-            Payload::Occlusion => value.clamp(DVec3::ZERO, DVec3::ONE),
-        })
+        Some(own.mean + average - slope_u * middle.x - slope_v * middle.y)
     }
 }

@@ -11,6 +11,8 @@
 //! that was stored in `f32` lies off it by more.
 
 mod ambient_occlusion;
+mod bent_normal;
+mod environment;
 mod hemisphere;
 mod one_bounce;
 mod triangle;
@@ -29,6 +31,7 @@ use super::light::Arrival;
 use crate::Light;
 
 pub use ambient_occlusion::Estimate;
+pub use bent_normal::BentEstimate;
 pub use hemisphere::Receiver;
 pub use one_bounce::ColorEstimate;
 use triangle::{Line, Triangle};

@@ -230,6 +230,7 @@ impl Stage {
             deferred: job.deferred,
             counted: false,
             joined: false,
+            bent_normals: false,
             target: TextureFormat::Rgba32Float,
         });
         let view = bounced.create_view(device, SIDE, SIDE, job.rays_per_pixel)?;
@@ -343,14 +344,14 @@ impl Stage {
             let value = self.arriving(payload, pixel, lobe.frame * light);
             let fresnel = match payload {
                 Payload::Occlusion => DVec3::ONE,
-                Payload::Radiance | Payload::LitRadiance => lobe.schlick(color(F0), facet),
+                _ => lobe.schlick(color(F0), facet),
             };
             sum += weight * fresnel * value;
             weights += weight;
         }
         match payload {
             Payload::Occlusion => sum / weights,
-            Payload::Radiance | Payload::LitRadiance => sum,
+            _ => sum,
         }
     }
 

@@ -823,6 +823,7 @@ fn what_does_not_fit_is_a_typed_error() {
             deferred: false,
             counted: false,
             joined: false,
+            bent_normals: false,
             target,
         };
         let made = HitResolver::new(device, &descriptor);

@@ -40,6 +40,7 @@ fn resolver(payload: Payload) -> &'static HitResolver {
         deferred: false,
         counted: false,
         joined: true,
+        bent_normals: false,
         target: FORMAT,
     })
 }
@@ -352,6 +353,7 @@ fn what_does_not_fit_is_refused() {
             deferred: true,
             counted: false,
             joined: true,
+            bent_normals: false,
             target: FORMAT,
         },
     );

@@ -1,9 +1,11 @@
 //! Each pass: the GPU against its f64 mirror, what must hold of its results, and what it refuses.
 
+mod bent_normals;
 mod bounced_disks;
 mod bounced_z_buffer;
 mod camera;
 mod diffuse_bounce;
+mod environment;
 mod ggx;
 mod glossy;
 mod hit_resolver;

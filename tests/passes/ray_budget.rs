@@ -43,6 +43,7 @@ fn resolver(payload: Payload) -> &'static HitResolver {
         deferred: false,
         counted: true,
         joined: false,
+        bent_normals: false,
         target: wgpu::TextureFormat::Rgba32Float,
     })
 }
@@ -671,6 +672,7 @@ fn what_does_not_fit_is_refused() {
         deferred: true,
         counted: true,
         joined: false,
+        bent_normals: false,
         target: wgpu::TextureFormat::Rgba32Float,
     });
     let target = lab

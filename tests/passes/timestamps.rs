@@ -219,6 +219,7 @@ fn recordings_from_surfels_write_their_times() {
         deferred: true,
         counted: false,
         joined: false,
+        bent_normals: false,
         target: format,
     };
     let reconstructor = pipelines::hit_resolver(&descriptor);

@@ -71,6 +71,7 @@ impl Stage {
                 deferred: false,
                 counted: false,
                 joined: false,
+                bent_normals: false,
                 target: TextureFormat::Rgba32Float,
             };
             Gatherer::new(gpu, descriptor, [SIDE; 2], 64, false).expect("room")

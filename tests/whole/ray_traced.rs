@@ -1,12 +1,13 @@
 //! `RayTracedScene` and `RayTracedView`: the same as the passes by hand, over sizes, scenes that grow, and what is not there.
 
 use deep_screen_space::{
-    BouncedDescriptor, BouncedInput, Camera, CloudCapacity, Error, GBuffer, Geometry, HitLighting,
-    HitRadiance, HitResolverInput, Light, Mesh, Payload, Primitives, Quality, RayBudget,
-    RayBudgetInput, RaySettings, RayTracedEffect, RayTracedInput, RayTracedScene,
+    BouncedDescriptor, BouncedInput, Camera, CloudCapacity, EnvironmentBuilder, EnvironmentInput,
+    EnvironmentLight, EnvironmentSettings, EnvironmentSource, Error, GBuffer, Geometry,
+    HitLighting, HitRadiance, HitResolverInput, Light, Mesh, Payload, Primitives, Quality,
+    RayBudget, RayBudgetInput, RaySettings, RayTracedEffect, RayTracedInput, RayTracedScene,
     RayTracedSceneInput, RayTracedView, RayTracedViewDescriptor, SurfelizerInput,
     SurfelizerSettings, TemporalSettings, Viewport,
-    glam::DVec3,
+    glam::{DQuat, DVec3},
     scenes,
     wgpu::{self, TextureFormat as Format},
 };
@@ -315,6 +316,141 @@ fn frames_are_joined() {
     let [one, eight] = [mean(1, 1, joined), mean(1, 8, joined)].map(|picture| rmse(&picture));
     println!("one frame {one:.4}, eight {eight:.4}");
     assert!(eight < 0.7 * one, "one frame {one}, eight {eight}");
+}
+
+/// Of an even sky directional occlusion is visibility times its radiance, bent normals bring the same visibility, and light
+/// takes it as it takes a sky of one colour.
+#[test]
+fn skies_and_bent_normals() {
+    let gpu = pipelines::gpu();
+    let device = &gpu.device;
+    let cornell = scenes::cornell();
+    let size = [40, 24];
+    let shot = Shot::new(gpu, &cornell, &camera_of(&cornell, 0, size));
+    let meshes = shot.buffers.meshes();
+    let target = gpu.target(Format::Rgba32Float, size[0], size[1]);
+    let builder = EnvironmentBuilder::new(device).expect("pipelines");
+    let settings = EnvironmentSettings { size: [32, 16] };
+    let environment = builder.create(device, &settings).expect("room");
+    let light = EnvironmentLight::new(&environment);
+    let descriptor = |effect, quality| RayTracedViewDescriptor {
+        environment: true,
+        ..RayTracedViewDescriptor::new(effect, quality, Format::Rgba32Float)
+    };
+    let mut traced = scene();
+    let mut render_with = |descriptor: &RayTracedViewDescriptor, environment| {
+        let mut view = RayTracedView::new(device, descriptor)?;
+        let mut encoder = gpu.encoder();
+        let lights = lamp();
+        let input = RayTracedSceneInput {
+            lighting: Some(HitLighting {
+                materials: &shot.buffers.materials,
+                lights: &lights,
+            }),
+            ..RayTracedSceneInput::new(Geometry { meshes: &meshes }, &shot.camera)
+        };
+        traced.record(device, &mut encoder, &input)?;
+        let input = RayTracedInput {
+            environment,
+            ..RayTracedInput::new(shot.lit_gbuffer(), &shot.camera, target.texture())
+        };
+        view.record(device, &mut encoder, &traced, &input)?;
+        gpu.finish(encoder);
+        Ok(picture(&target))
+    };
+    let radius = f32::INFINITY;
+    let directional = RayTracedEffect::DirectionalOcclusion { radius };
+    let directional = descriptor(directional, Quality::Accurate);
+    refused(
+        render_with(&directional, None),
+        "Mismatch",
+        "RayTracedInput::environment",
+        "none",
+    );
+    refused(
+        render_with(&directional, Some(light)),
+        "Recording",
+        "Environment",
+        "not recorded",
+    );
+    let mut even = [[0.0; 3]; 9];
+    even[0] = [0.5, 0.25, 0.125].map(|c| c / 0.282_095);
+    let mut encoder = gpu.encoder();
+    let input = EnvironmentInput::new(EnvironmentSource::SphericalHarmonics(&even));
+    builder
+        .record(device, &mut encoder, &input, &environment)
+        .expect("a sky");
+    gpu.finish(encoder);
+    let askew = EnvironmentLight {
+        rotation: DQuat::from_xyzw(1.0, 0.0, 0.0, 1.0),
+        ..light
+    };
+    refused(
+        render_with(&directional, Some(askew)),
+        "Setting",
+        "EnvironmentLight::rotation",
+        "length",
+    );
+
+    let visible = descriptor(
+        RayTracedEffect::AmbientOcclusion { radius },
+        Quality::Accurate,
+    );
+    let visible = render_with(&visible, None).expect("a picture");
+    let lit = render_with(&directional, Some(light)).expect("a picture");
+    let bent = descriptor(RayTracedEffect::BentNormals { radius }, Quality::Accurate);
+    let found = render_with(&bent, None).expect("a picture");
+    let seen: Vec<usize> = (0..lit.len())
+        .filter(|i| shot.pixels[*i].is_some())
+        .collect();
+    let mean = |value: &dyn Fn(usize) -> f32| {
+        seen.iter().map(|i| f64::from(value(*i))).sum::<f64>() / seen.len() as f64
+    };
+    let open = mean(&|i| visible[i][0]);
+    let [red, blue, w] = [
+        mean(&|i| lit[i][0]),
+        mean(&|i| lit[i][2]),
+        mean(&|i| found[i][3]),
+    ];
+    println!("visibility {open:.4}, {w:.4}; light {red:.4} {blue:.4}");
+    // Half of these rays are drawn over the whole sphere: noise of some thousandths is left.
+    assert!((red / 0.5 / open - 1.0).abs() < 0.02, "{red} of {open}");
+    assert!((blue / red / 0.25 - 1.0).abs() < 0.01, "{blue} of {red}");
+    // Filtered by another window.
+    assert!((w - open).abs() < 5e-3, "{w} of {open}");
+    let one_color = RayTracedViewDescriptor {
+        rays: RaySettings::new(64, Payload::LitRadiance),
+        ..RayTracedViewDescriptor::new(DIFFUSE, Quality::Accurate, Format::Rgba32Float)
+    };
+    let one_color = render_with(&one_color, None);
+    let one_color = one_color.expect("a picture");
+    let of_sky = render_with(&descriptor(DIFFUSE, Quality::Accurate), Some(light));
+    let of_sky = of_sky.expect("a picture");
+    let [one_color, of_sky] = [one_color, of_sky].map(|p| mean(&|i| p[i][0] + p[i][1] + p[i][2]));
+    println!("light under one colour {one_color:.4}, under a sky {of_sky:.4}");
+    // What the lamp's surface gives is noisy: a hundredth or two of the mean, and half of these rays are drawn by the sky.
+    assert!((of_sky / one_color - 1.0).abs() < 0.06);
+
+    let joined = RayTracedViewDescriptor {
+        temporal: Some(TemporalSettings::default()),
+        ..bent
+    };
+    refused(
+        RayTracedView::new(device, &joined),
+        "Mismatch",
+        "RayTracedViewDescriptor::temporal",
+        "joined",
+    );
+    let grey = RayTracedViewDescriptor {
+        target: Format::R8Unorm,
+        ..bent
+    };
+    refused(
+        RayTracedView::new(device, &grey),
+        "Format",
+        "HitResolver target",
+        "four channels",
+    );
 }
 
 #[test]

@@ -44,9 +44,11 @@ const LATTICE_Y: vec2u = vec2u(1036808364u, 2481981723u);
 // the sets of a pixel lie evenly within each cell, however many they are.
 const TURN_STEP: vec2u = vec2u(3242174889u, 2447445414u);
 
-// The point of cell `index` of columns x rows, in the unit square, of a further set of rays. Sums of integers wrap as the square
-// does.
-fn further_point(pixel: vec2u, index: u32, turn: u32, columns: u32, rows: u32, frame: u32) -> vec2f {
+// The fractional part of the golden ratio, in the same units.
+const GOLDEN_STEP: u32 = 2654435769u;
+
+// Where in its cell, in those units, the point lies of a key's further set of rays. Sums of integers wrap as the square does.
+fn point_within(pixel: vec2u, index: u32, turn: u32, frame: u32) -> vec2u {
   // Each cell has frames of its own order, and so a place of its own in the first.
   let key = hash(index + 1u);
   let over_frames = vec2u(scramble(frame, key), scramble(sobol2(frame), hash(key)));
@@ -54,7 +56,12 @@ fn further_point(pixel: vec2u, index: u32, turn: u32, columns: u32, rows: u32, f
     LATTICE_X.x * pixel.x + LATTICE_X.y * pixel.y,
     LATTICE_Y.x * pixel.x + LATTICE_Y.y * pixel.y,
   );
-  let within = over_pixels + reverseBits(over_frames) + turn * TURN_STEP;
+  return over_pixels + reverseBits(over_frames) + turn * TURN_STEP;
+}
+
+// The point of cell `index` of columns x rows, in the unit square, of a further set of rays.
+fn further_point(pixel: vec2u, index: u32, turn: u32, columns: u32, rows: u32, frame: u32) -> vec2f {
+  let within = point_within(pixel, index, turn, frame);
   let x = unit_float(within.x);
   let y = unit_float(within.y);
   return vec2f((f32(index % columns) + x) / f32(columns), (f32(index / columns) + y) / f32(rows));
@@ -63,6 +70,15 @@ fn further_point(pixel: vec2u, index: u32, turn: u32, columns: u32, rows: u32, f
 // That of a pixel's first set.
 fn cell_point(pixel: vec2u, index: u32, columns: u32, rows: u32, frame: u32) -> vec2f {
   return further_point(pixel, index, 0u, columns, rows, frame);
+}
+
+// A point of the unit square for one of `count` rays that no grid suits, as most of them go to few places: each has a share of
+// its own of y, in the same place of it, and x by the golden ratio. So of each part of y there are as many as there can be of
+// `count`, or one more.
+fn strewn_point(pixel: vec2u, index: u32, count: u32, turn: u32, frame: u32) -> vec2f {
+  let within = point_within(pixel, 0u, turn, frame);
+  let x = unit_float(within.x + index * GOLDEN_STEP);
+  return vec2f(x, (f32(index) + unit_float(within.y)) / f32(count));
 }
 
 // The unit square to the unit disk by equal areas, squares about the centre to circles (Shirley and Chiu 1997): the point, and

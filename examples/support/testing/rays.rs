@@ -234,6 +234,7 @@ impl Lab {
             deferred,
             counted: false,
             joined: false,
+            bent_normals: false,
             target: wgpu::TextureFormat::Rgba32Float,
         })
     }

@@ -49,50 +49,32 @@ impl Hemisphere {
         })
     }
 
-    /// 1/π ∫ f(ω) ⟨Ns, ω⟩ dω, with f zero where ⟨Ng, ω⟩ ≤ 0, from at least `rays` directions.
-    ///
-    /// The cosine-weighted hemisphere is cut into a grid of cells of one weight, and each cell
-    /// gets two independent directions. The mean of all has no bias. Nor has the variance made of
-    /// the differences between the two of each cell, since cells do not depend on each other: the
-    /// standard error is its root.
+    /// 1/π ∫ f(ω) ⟨Ns, ω⟩ dω, with f zero where ⟨Ng, ω⟩ ≤ 0, from at least `rays` directions: the cosine-weighted hemisphere is
+    /// [`stratified`].
     pub(super) fn estimate<const N: usize>(
         &self,
         rays: u32,
         seed: u64,
         mut f: impl FnMut(DVec3) -> [f64; N],
     ) -> Means<N> {
-        let pairs = rays.div_ceil(2).max(1);
-        let rows = pairs.isqrt();
-        let columns = pairs.div_ceil(rows);
-        let cell = DVec2::new(f64::from(columns), f64::from(rows)).recip();
-
-        let mut random = SplitMix64(seed);
-        let mut sum = [0.0; N];
-        let mut square = [0.0; N];
-        for row in 0..rows {
-            for column in 0..columns {
-                let corner = DVec2::new(f64::from(column), f64::from(row));
-                let [one, other] = [(); 2].map(|()| {
-                    let direction = self.direction((corner + random.next_vec2()) * cell);
-                    if direction.dot(self.geometric_normal) > 0.0 {
-                        f(direction)
-                    } else {
-                        [0.0; N]
-                    }
-                });
-                for i in 0..N {
-                    sum[i] += one[i] + other[i];
-                    square[i] += (one[i] - other[i]).powi(2);
-                }
+        stratified(rays, seed, |square| {
+            let direction = self.direction(square);
+            if self.is_above(direction) {
+                f(direction)
+            } else {
+                [0.0; N]
             }
-        }
-        // Two samples x, y of a cell have the mean (x + y)/2, whose variance (x - y)²/4 estimates.
-        // The mean of n independent cells has 1/n² of their sum.
-        let samples = 2.0 * f64::from(rows) * f64::from(columns);
-        Means {
-            mean: sum.map(|sum| sum / samples),
-            standard_error: square.map(|square: f64| square.sqrt() / samples),
-        }
+        })
+    }
+
+    /// Whether a direction leads off the surface.
+    pub(super) fn is_above(&self, direction: DVec3) -> bool {
+        direction.dot(self.geometric_normal) > 0.0
+    }
+
+    /// The shading normal, a unit vector.
+    pub(super) fn normal(&self) -> DVec3 {
+        self.to_scene.z_axis
     }
 
     /// Takes the unit square to directions, with an area in the square becoming that share of the
@@ -101,6 +83,43 @@ impl Hemisphere {
         let disk = concentric_disk(square);
         let height = (1.0 - disk.length_squared()).max(0.0).sqrt();
         self.to_scene * disk.extend(height)
+    }
+}
+
+/// The mean over the unit square, from at least `rays` points.
+///
+/// The square is cut into a grid of cells, and each cell gets two independent points. The mean of all has no bias. Nor has the
+/// variance made of the differences between the two of each cell, since cells do not depend on each other: the standard error
+/// is its root.
+pub(super) fn stratified<const N: usize>(
+    rays: u32,
+    seed: u64,
+    mut f: impl FnMut(DVec2) -> [f64; N],
+) -> Means<N> {
+    let pairs = rays.div_ceil(2).max(1);
+    let rows = pairs.isqrt();
+    let columns = pairs.div_ceil(rows);
+    let cell = DVec2::new(f64::from(columns), f64::from(rows)).recip();
+
+    let mut random = SplitMix64(seed);
+    let mut sum = [0.0; N];
+    let mut square = [0.0; N];
+    for row in 0..rows {
+        for column in 0..columns {
+            let corner = DVec2::new(f64::from(column), f64::from(row));
+            let [one, other] = [(); 2].map(|()| f((corner + random.next_vec2()) * cell));
+            for i in 0..N {
+                sum[i] += one[i] + other[i];
+                square[i] += (one[i] - other[i]).powi(2);
+            }
+        }
+    }
+    // Two samples x, y of a cell have the mean (x + y)/2, whose variance (x - y)²/4 estimates.
+    // The mean of n independent cells has 1/n² of their sum.
+    let samples = 2.0 * f64::from(rows) * f64::from(columns);
+    Means {
+        mean: sum.map(|sum| sum / samples),
+        standard_error: square.map(|square: f64| square.sqrt() / samples),
     }
 }
 

@@ -2,9 +2,11 @@
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedScene, BouncedSettings, BouncedZBuffer, DiskSettings,
-    GBuffer, HitLighting, HitRadiance, HitResolver, HitResolverDescriptor, HitResolverInput,
-    HitResolverSettings, Merge, Payload, Placement, Primitives, RayBudget, RayBudgetInput,
-    RayBudgetSettings, Sampling,
+    Environment, EnvironmentBuilder, EnvironmentInput, EnvironmentLight, EnvironmentSettings,
+    EnvironmentSource, GBuffer, HitLighting, HitRadiance, HitResolver, HitResolverDescriptor,
+    HitResolverInput, HitResolverSettings, Merge, Payload, Placement, Primitives, RayBudget,
+    RayBudgetInput, RayBudgetSettings, Sampling,
+    glam::DQuat,
     wgpu::{TextureFormat, TextureUsages},
 };
 
@@ -22,6 +24,7 @@ fn descriptor(case: &mut Case<'_>) -> BouncedDescriptor {
         sampling,
         statistics: false,
         counted: false,
+        environment: false,
     };
     let disks = |payload, levels| BouncedDescriptor {
         primitives: Primitives::Disks { levels },
@@ -31,7 +34,15 @@ fn descriptor(case: &mut Case<'_>) -> BouncedDescriptor {
         counted: true,
         ..pieces(payload, Sampling::Cosine)
     };
+    let under = |payload, sampling, counted| BouncedDescriptor {
+        environment: true,
+        counted,
+        ..pieces(payload, sampling)
+    };
     let kinds = [
+        under(Payload::Sky, Sampling::Cosine, false),
+        under(Payload::LitRadiance, Sampling::Cosine, true),
+        under(Payload::LitRadiance, Sampling::Glossy, false),
         counted(Payload::Occlusion),
         counted(Payload::LitRadiance),
         pieces(Payload::Occlusion, Sampling::Cosine),
@@ -72,6 +83,7 @@ fn settings(case: &mut Case<'_>) -> BouncedSettings {
         radius: case.random.scale(0.0, f32::INFINITY),
         frame: case.random.count(0, 1 << 20),
         sky_radiance: std::array::from_fn(|_| case.random.scale(0.0, 1e18)),
+        environment_share: case.random.setting(0.0, 1.0),
         disks: DiskSettings {
             shell_radii: case.random.scale(f32::MIN_POSITIVE, f32::INFINITY),
             merge: case.random.one_of(&[Merge::Nearest, Merge::Finest]),
@@ -80,6 +92,26 @@ fn settings(case: &mut Case<'_>) -> BouncedSettings {
     };
     case.note("bounced", settings);
     settings
+}
+
+/// A sky of spherical harmonics, which are below 0 in places.
+fn sky(case: &mut Case<'_>) -> Option<Environment> {
+    let builder = case.once("environment", |device| EnvironmentBuilder::new(device))?;
+    let settings = EnvironmentSettings { size: [32, 16] };
+    let environment = case.accept(builder.create(case.device(), &settings))?;
+    let harmonics: [[f32; 3]; 9] =
+        std::array::from_fn(|_| std::array::from_fn(|_| case.random.scale(0.0, 1e18)));
+    case.note("harmonics", harmonics);
+    let input = EnvironmentInput {
+        source: EnvironmentSource::SphericalHarmonics(&harmonics),
+        timestamps: case.timestamps(),
+    };
+    let device = case.device();
+    let done = builder.record(device, &mut case.encoder, &input, &environment);
+    case.accept(done)?;
+    case.texture("sky", environment.radiance().texture());
+    case.buffer("irradiance", environment.irradiance(), Kind::Floats);
+    Some(environment)
 }
 
 pub fn record(case: &mut Case<'_>) {
@@ -147,6 +179,15 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     };
     let mut decoding = inputs::Decoding::new(case, viewport)?;
     let frame = decoding.frame(case, gbuffer, &camera, cloud.origin())?;
+    let sky = if descriptor.environment && !case.random.breaks() {
+        Some(sky(case)?)
+    } else {
+        None
+    };
+    let environment = sky.as_ref().map(|environment| EnvironmentLight {
+        environment,
+        rotation: DQuat::from_rotation_x(case.random.between(-4.0, 4.0)),
+    });
     let input = BouncedInput {
         frame: &frame,
         scene: BouncedScene::Cloud {
@@ -155,6 +196,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         },
         radiance,
         pixels: case.random.breaks().then_some(&[]),
+        environment,
         timestamps: case.timestamps(),
     };
     let done = tracer.record(device, &mut case.encoder, &input, &settings, &view);
@@ -173,9 +215,10 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let descriptor = HitResolverDescriptor {
         payload: descriptor.payload,
         sampling: descriptor.sampling,
-        deferred: case.usual("deferred", &[true, false]),
+        deferred: !descriptor.environment && case.usual("deferred", &[true, false]),
         counted: descriptor.counted,
         joined: false,
+        bent_normals: false,
         target: target_format,
     };
     let reconstructor = case.once(descriptor, |device| HitResolver::new(device, &descriptor))?;

@@ -131,6 +131,7 @@ fn bounds_and_hits_are_those_of_the_cloud() {
         deferred: false,
         counted: false,
         joined: false,
+        bent_normals: false,
         target: Format::R32Float,
     };
     let pass = HitResolver::new(device, &descriptor).expect("pipelines");

@@ -478,6 +478,7 @@ fn draw_hits(lab: &Lab, gbuffer: GBuffer<'_>, sky: f32, target: &wgpu::TextureVi
         deferred: false,
         counted: false,
         joined: false,
+        bent_normals: false,
         target: target.texture().format(),
     };
     let pass = HitResolver::new(device, &descriptor).expect("pipelines");
