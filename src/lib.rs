@@ -124,6 +124,7 @@ mod shell_splatter;
 mod soft_shadows;
 pub mod spherical_gaussian;
 mod surfel;
+mod surfel_gatherer;
 mod surfel_shader;
 mod surfelizer;
 mod temporal_accumulator;
@@ -198,6 +199,9 @@ pub use soft_shadows::{SoftShadows, SoftShadowsInput, settings::SoftShadowsSetti
 pub use surfel::{
     CloudCapacity, Piece, Placement, Surfel, SurfelCloud, SurfelCounts, SurfelRadiance,
     SurfelSource,
+};
+pub use surfel_gatherer::{
+    SurfelGatherer, SurfelGathererInput, SurfelSenders, settings::SurfelGathererSettings,
 };
 pub use surfel_shader::{
     ShadedLight, Shadow, ShadowMap, SurfelShader, SurfelShaderInput, settings::SurfelShaderSettings,

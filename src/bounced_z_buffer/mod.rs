@@ -163,13 +163,13 @@ impl BouncedZBuffer {
             is_possible(descriptor),
             "BouncedDescriptor::primitives",
             f64::from(u8::from(descriptor.primitives != Primitives::Triangles)),
-            "Primitives::Triangles, or Instances without Payload::Radiance, or Disks without Payload::LitRadiance",
+            "Primitives::Triangles, or Instances without radiance of surfels, or Disks without hits that are lit",
         )?;
         check_setting(
-            !(descriptor.statistics && descriptor.primitives.by_device()),
+            can_count(descriptor),
             "BouncedDescriptor::statistics",
             f64::from(u8::from(descriptor.statistics)),
-            "false, with Primitives::RayQuery",
+            "false, with Primitives::RayQuery and Payload::LitAndGathered",
         )?;
         let kernel = |stage: Stage| -> Result<_, Error> {
             let module = shader::create(device, LABEL, source(descriptor, stage)?);
@@ -225,7 +225,7 @@ impl BouncedZBuffer {
                 4 * u64::from(words(rays_per_pixel)) * u64::from(width) * u64::from(height),
                 usage,
             )?),
-            Payload::Radiance | Payload::LitRadiance => {
+            Payload::Radiance | Payload::LitRadiance | Payload::LitAndGathered => {
                 let texture = plane(
                     device,
                     "deep-screen-space hits",
@@ -611,16 +611,27 @@ impl BouncedZBuffer {
                 check_lighting(device, &lighting, view)?;
                 Ok((None, Some(lighting)))
             }
+            (Payload::LitAndGathered, HitRadiance::LitAndGathered { lighting, gathered }) => {
+                let (cloud, _) = input.scene.cloud()?;
+                check_lighting(device, &lighting, view)?;
+                self.check_surfels(device, cloud, gathered, view)?;
+                let bound = binding::first(gathered, radiance_bytes(cloud));
+                Ok((Some(bound), Some(lighting)))
+            }
             (payload, radiance) => Err(Error::Mismatch {
                 name: "BouncedInput::radiance",
                 found: match radiance {
                     HitRadiance::None => "HitRadiance::None",
                     HitRadiance::Surfels(_) => "HitRadiance::Surfels",
                     HitRadiance::Lit(_) => "HitRadiance::Lit",
+                    HitRadiance::LitAndGathered { .. } => "HitRadiance::LitAndGathered",
                 }
                 .into(),
                 needed: match payload {
                     Payload::LitRadiance => "HitRadiance::Lit, for Payload::LitRadiance",
+                    Payload::LitAndGathered => {
+                        "HitRadiance::LitAndGathered, for Payload::LitAndGathered"
+                    }
                     _ => "HitRadiance::Surfels, for Payload::Radiance",
                 }
                 .into(),
@@ -670,10 +681,18 @@ fn check_lighting(
 /// Surfels have radiance, and triangles can be lit.
 fn is_possible(descriptor: &BouncedDescriptor) -> bool {
     match descriptor.primitives {
-        Primitives::Disks { .. } => descriptor.payload != Payload::LitRadiance,
-        Primitives::Instances => descriptor.payload != Payload::Radiance,
+        Primitives::Disks { .. } => !descriptor.lit(),
+        Primitives::Instances => !matches!(
+            descriptor.payload,
+            Payload::Radiance | Payload::LitAndGathered
+        ),
         _ => true,
     }
+}
+
+/// The device does not tell its steps, and of buffers there are eight.
+fn can_count(descriptor: &BouncedDescriptor) -> bool {
+    !(descriptor.statistics && (descriptor.primitives.by_device() || descriptor.gathered()))
 }
 
 /// Words of bits per pixel.
@@ -690,7 +709,12 @@ fn source(descriptor: &BouncedDescriptor, stage: Stage) -> Result<String, Error>
 
 /// Every module of the pass.
 pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
-    let payloads = [Payload::Occlusion, Payload::Radiance, Payload::LitRadiance];
+    let payloads = [
+        Payload::Occlusion,
+        Payload::Radiance,
+        Payload::LitRadiance,
+        Payload::LitAndGathered,
+    ];
     let traced = [
         Primitives::Triangles,
         Primitives::Disks { levels: 1 },
@@ -711,7 +735,7 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
                             statistics,
                             counted,
                         };
-                        if !is_possible(&descriptor) || (statistics && primitives.by_device()) {
+                        if !is_possible(&descriptor) || !can_count(&descriptor) {
                             continue;
                         }
                         list_stages(all, &descriptor)?;
@@ -734,10 +758,11 @@ fn list_stages(all: &mut Listing<'_>, descriptor: &BouncedDescriptor) -> Result<
         let name = name_of(
             match descriptor.payload {
                 Payload::Occlusion => "bounced_z_buffer occlusion",
-                Payload::Radiance | Payload::LitRadiance => "bounced_z_buffer radiance",
+                _ => "bounced_z_buffer radiance",
             },
             &[
                 (descriptor.lit(), "lit"),
+                (descriptor.gathered(), "gathered"),
                 (descriptor.primitives.are_disks(), "disks"),
                 (descriptor.primitives == Primitives::Instances, "instances"),
                 (descriptor.primitives.by_device(), "ray query"),

@@ -32,6 +32,7 @@ pub(crate) const FLAGS: &[&str] = &[
     "DEPTH",
     "EDGES",
     "FINER",
+    "GATHERED",
     "GIVEN",
     "GLOSSY",
     "HITS",

@@ -121,8 +121,8 @@ impl HitResolution<'_> {
                     mean = (sum + own.sum) / rays;
                 }
                 let whole = match self.payload {
-                    Payload::Radiance | Payload::LitRadiance => luminance(mean),
                     Payload::Occlusion => 1.0,
+                    _ => luminance(mean),
                 };
                 let chance = 0.5 * whole / rays;
                 Mean {
@@ -316,7 +316,7 @@ impl HitResolution<'_> {
             return Some(match self.payload {
                 _ if near_weights > 0.0 => near_sum / near_weights,
                 Payload::Occlusion => DVec3::ONE,
-                Payload::Radiance | Payload::LitRadiance => DVec3::ZERO,
+                _ => DVec3::ZERO,
             });
         }
         let per_weight = 1.0 / f64::max(weights, 1e-6);
@@ -334,8 +334,8 @@ impl HitResolution<'_> {
         let slope_v = (uu * along_v - uv * along_u) * per_determinant;
         let value = own.mean + average - slope_u * middle.x - slope_v * middle.y;
         Some(match self.payload {
-            Payload::Radiance | Payload::LitRadiance => value.max(DVec3::ZERO),
             Payload::Occlusion => value.clamp(DVec3::ZERO, DVec3::ONE),
+            _ => value.max(DVec3::ZERO),
         })
     }
 }

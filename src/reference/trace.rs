@@ -11,6 +11,7 @@
 //! that was stored in `f32` lies off it by more.
 
 mod ambient_occlusion;
+mod bounces;
 mod hemisphere;
 mod one_bounce;
 mod triangle;

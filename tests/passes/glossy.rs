@@ -343,14 +343,14 @@ impl Stage {
             let value = self.arriving(payload, pixel, lobe.frame * light);
             let fresnel = match payload {
                 Payload::Occlusion => DVec3::ONE,
-                Payload::Radiance | Payload::LitRadiance => lobe.schlick(color(F0), facet),
+                _ => lobe.schlick(color(F0), facet),
             };
             sum += weight * fresnel * value;
             weights += weight;
         }
         match payload {
             Payload::Occlusion => sum / weights,
-            Payload::Radiance | Payload::LitRadiance => sum,
+            _ => sum,
         }
     }
 
