@@ -169,6 +169,7 @@ pub use multi_res_reconstructor::{
 };
 pub use ray_budget::{RayBudget, RayBudgetInput, settings::RayBudgetSettings, view::RayBudgetView};
 pub use ray_traced::{
+    bounces::{BounceSettings, Bounces},
     quality::{Quality, RaySettings, SplatQuality},
     scene::{RayTracedScene, RayTracedSceneInput},
     view::{RayTracedEffect, RayTracedInput, RayTracedView, RayTracedViewDescriptor},

@@ -231,12 +231,14 @@ pub fn bounced(
     let room = RayRoom {
         rays_per_pixel,
         counted: preset.further.is_some(),
+        bounces: if options.gi() { options.bounces } else { 1 },
         ..RayRoom::default()
     };
+    let surfels = if room.bounces > 1 { options.surfels } else { 0 };
     let lights = &shot.lights;
     let (renderer, picture, capacity) = with_room(
         (gpu, options, &buffers),
-        0,
+        surfels,
         |capacity| BouncedRenderer::new(gpu, payload, capacity, size, room),
         |renderer| renderer.render(gpu, &raster, &buffers, &camera, lights, &preset),
         |picture| (picture.total_ms(), picture.counts),
@@ -246,10 +248,11 @@ pub fn bounced(
         triangles: buffers.triangles(),
         capacity,
         counts: picture.counts,
-        surfels_made: false,
+        surfels_made: surfels > 0,
         memory_bytes: renderer.memory_bytes(),
         passes: picture.passes,
         settings: json!({
+            "bounces": room.bounces,
             "rays_per_pixel": rays_per_pixel,
             "further_rays": preset.further.map_or(0.0, |further| further.rays_per_pixel),
             "window": preset.reconstructor.radius,

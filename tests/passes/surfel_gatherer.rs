@@ -505,7 +505,7 @@ fn hits_are_the_mirrors() {
         );
         let found = lab.colors(&view, &settings);
         assert_eq!(found.len(), expected.len());
-        // As in `lit_hits`: packing's steps, and rays and shadow rays that pass an edge on its other side; surfels' edges are more.
+        // As in `lit_hits`: packing's steps, and rays and shadow rays that pass an edge on its other side, or a surfel's.
         let odd = found.iter().zip(&expected).filter(|(found, expected)| {
             let off = (unpack_color(**found) - **expected).abs().max_element();
             off.is_nan() || off > expected.max_element() / 200.0

@@ -1,0 +1,163 @@
+//! Light that bounces more than once, by `RayTracedScene::with_bounces`: against as many traced bounces, over frames, and what is
+//! refused.
+
+use deep_screen_space::{
+    BounceSettings, Bounces, Error, Geometry, HitLighting, Light, Primitives, Quality,
+    RayTracedEffect, RayTracedInput, RayTracedScene, RayTracedSceneInput, RayTracedView,
+    RayTracedViewDescriptor, Surfel, SurfelGathererSettings,
+    glam::DVec3,
+    reference::trace::Receiver,
+    scenes::{self, Scene},
+    wgpu::{self, TextureFormat as Format},
+};
+use support::testing::{
+    pipelines,
+    refusals::refused,
+    shot::{Shot, camera_of},
+};
+
+const DIFFUSE: RayTracedEffect = RayTracedEffect::IndirectDiffuse {
+    sky_radiance: [0.0; 3],
+};
+
+struct Stage {
+    scene: RayTracedScene,
+    view: RayTracedView,
+    shot: Shot,
+    target: wgpu::TextureView,
+}
+
+impl Stage {
+    fn new(scene: &Scene, view: usize, size: [u32; 2], bounces: BounceSettings) -> Self {
+        let gpu = pipelines::gpu();
+        let device = &gpu.device;
+        let descriptor = RayTracedViewDescriptor {
+            further_bounces: true,
+            ..RayTracedViewDescriptor::new(DIFFUSE, Quality::Balanced, Format::Rgba32Float)
+        };
+        Self {
+            scene: RayTracedScene::with_bounces(device, Primitives::Triangles, bounces)
+                .expect("pipelines"),
+            view: RayTracedView::new(device, &descriptor).expect("pipelines"),
+            shot: Shot::new(gpu, scene, &camera_of(scene, view, size)),
+            target: gpu.target(Format::Rgba32Float, size[0], size[1]),
+        }
+    }
+
+    fn record(&mut self, lights: &[Light]) -> Result<(), Error> {
+        let gpu = pipelines::gpu();
+        let mut encoder = gpu.encoder();
+        let meshes = self.shot.buffers.meshes();
+        let input = RayTracedSceneInput {
+            lighting: Some(HitLighting {
+                materials: &self.shot.buffers.materials,
+                lights,
+            }),
+            ..RayTracedSceneInput::new(Geometry { meshes: &meshes }, &self.shot.camera)
+        };
+        self.scene.record(&gpu.device, &mut encoder, &input)?;
+        let input = RayTracedInput::new(
+            self.shot.lit_gbuffer(),
+            &self.shot.camera,
+            self.target.texture(),
+        );
+        self.view
+            .record(&gpu.device, &mut encoder, &self.scene, &input)?;
+        gpu.finish(encoder);
+        Ok(())
+    }
+
+    fn frame(&mut self, lights: &[Light]) -> Vec<DVec3> {
+        self.record(lights).expect("a picture");
+        let texels: Vec<[f32; 4]> = pipelines::gpu().read_texture(self.target.texture(), 0);
+        let color = |t: [f32; 4]| DVec3::new(t[0].into(), t[1].into(), t[2].into());
+        texels.into_iter().map(color).collect()
+    }
+
+    /// The root mean square of how far a picture is off so many traced bounces, in units of their mean, with the tracer's own
+    /// noise taken out, and by how much the mean is off.
+    fn off(
+        &self,
+        (scene, lights): (&Scene, &[Light]),
+        picture: &[DVec3],
+        bounces: u32,
+        rays: u32,
+    ) -> (f64, f64) {
+        let pixels = &self.shot.pixels;
+        let receivers: Vec<Option<Receiver>> =
+            pixels.iter().map(|p| p.map(|p| p.receiver)).collect();
+        let materials = scene.triangle_materials();
+        let truth = self.shot.tracer.bounces_image(
+            &receivers,
+            &materials,
+            lights,
+            bounces,
+            (rays, 1),
+            false,
+        );
+        let (mut squares, mut noise, mut sum, mut found, mut n) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for ((truth, pixel), color) in truth.iter().zip(pixels).zip(picture) {
+            let (Some(truth), Some(pixel)) = (truth, pixel) else {
+                continue;
+            };
+            let albedo = DVec3::from(materials[pixel.triangle].albedo.map(f64::from));
+            squares += (*color - albedo * truth.mean).length_squared() / 3.0;
+            noise += (albedo * truth.standard_error).length_squared() / 3.0;
+            sum += (albedo * truth.mean).element_sum() / 3.0;
+            found += color.element_sum() / 3.0;
+            n += 1.0;
+        }
+        let mean = sum / n;
+        let rmse = ((squares - noise).max(0.0) / n).sqrt() / mean;
+        (rmse, found / sum - 1.0)
+    }
+}
+
+/// A lamp below the scene's own, which does not shine.
+fn lamp_lit(mut scene: Scene) -> (Scene, Vec<Light>) {
+    for material in &mut scene.materials {
+        material.emission = [0.0; 3];
+    }
+    let light = match scene.name {
+        "cornell" => Light::Point {
+            position: DVec3::new(0.0, 4.5, 0.0),
+            intensity: [40.0, 30.0, 15.0],
+        },
+        _ => Light::Point {
+            position: DVec3::new(0.0, 2.3, 0.0),
+            intensity: [8.0, 7.5, 6.0],
+        },
+    };
+    (scene, vec![light])
+}
+
+/// Three bounces of `balanced` in closed scenes, by a light and by their own lamps.
+#[test]
+fn three_bounces_are_those_traced() {
+    let mut failures = Vec::new();
+    for (name, by_lamp, by_light) in [("cornell", 0.15, 0.15), ("closed_room", 0.15, 0.15)] {
+        let own = scenes::by_name(name).expect("a scene");
+        let cases = [
+            ("its lamp", (own.clone(), Vec::new()), by_lamp),
+            ("a light", lamp_lit(own), by_light),
+        ];
+        for (how, (scene, lights), bound) in cases {
+            let mut stage = Stage::new(&scene, 0, [48, 32], BounceSettings::in_frame(3));
+            // In the second frame the room has what was counted in the first.
+            stage.frame(&lights);
+            let picture = stage.frame(&lights);
+            let counts = stage.scene.counts().expect("counts");
+            assert_eq!(counts.overflow(), 0, "{name}");
+            let (rmse, bias) = stage.off((&scene, &lights), &picture, 3, 256);
+            let (one, _) = stage.off((&scene, &lights), &picture, 1, 64);
+            println!(
+                "{name} by {how}: {rmse:.3} (bias {bias:+.3}) off three bounces, {one:.3} off one; {} surfels",
+                counts.stored
+            );
+            if rmse > bound || bias.abs() > 0.05 {
+                failures.push(format!("{name} by {how}: {rmse:.3}, {bias:+.3}"));
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
+}
