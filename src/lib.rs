@@ -8,6 +8,7 @@
 //! * [`GBufferDecoder`]: the caller's G-buffer, decoded once per frame and view into the [`Frame`] that passes start from.
 //! * [`Surfelizer`]: the caller's triangles become a [`SurfelCloud`], finer near the camera than far from it.
 //! * [`SurfelShader`]: what each surfel sends of the caller's [`Light`]s, for effects that bounce light.
+//! * [`SurfelGatherer`]: what surfels send of the light that others send them, for light that bounces more than once.
 //! * [`ShellSplatter`]: sums over the surfels for every pixel of the caller's G-buffer, near ones at full resolution and
 //!   far ones ever more coarsely. What a surfel adds to a pixel is an [`Effect`], the crate's ([`AmbientOcclusion`]) or
 //!   one of the caller's, in WGSL.

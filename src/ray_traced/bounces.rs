@@ -37,7 +37,7 @@ pub struct BounceSettings {
     /// How many.
     pub bounces: Bounces,
     /// Radius of a surfel in pixels of the scene's camera, 0.05…1000. How finely indirect light is known where rays end; the
-    /// number of surfels grows with its inverse square, and each triangle has one at least. Default 8.
+    /// number of surfels grows with its inverse square, and each triangle has one at least. Default 4.
     pub radius_pixels: f32,
     /// At how many points of a surfel lights are looked up, as [`SurfelShaderSettings::samples`]. Default 4.
     pub samples: u32,
@@ -50,7 +50,7 @@ impl BounceSettings {
     pub fn in_frame(bounces: u32) -> Self {
         Self {
             bounces: Bounces::InFrame(bounces),
-            radius_pixels: 8.0,
+            radius_pixels: 4.0,
             samples: 4,
             gatherer: SurfelGathererSettings::default(),
         }

@@ -103,7 +103,8 @@ impl Case {
     }
 
     fn upload(&self, sent: &[SurfelRadiance]) -> wgpu::Buffer {
-        lab().gpu.buffer(sent, wgpu::BufferUsages::STORAGE)
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+        lab().gpu.buffer(sent, usage)
     }
 
     /// What the surfels reflect of what those of another cloud send.
@@ -230,7 +231,7 @@ fn light_is_the_mirrors() {
     let scene = scenes::cornell();
     let camera = camera_of(&scene, 0, [32, 32]);
     let crowded = CloudCapacity {
-        surfels: 100,
+        surfels: 30,
         ..SMALL
     };
     let case = Case::new(&scene, &camera, crowded);

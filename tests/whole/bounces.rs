@@ -2,9 +2,9 @@
 //! refused.
 
 use deep_screen_space::{
-    BounceSettings, Bounces, Error, Geometry, HitLighting, Light, Primitives, Quality,
-    RayTracedEffect, RayTracedInput, RayTracedScene, RayTracedSceneInput, RayTracedView,
-    RayTracedViewDescriptor, Surfel, SurfelGathererSettings,
+    BounceSettings, Error, Geometry, HitLighting, Light, Primitives, Quality, RayTracedEffect,
+    RayTracedInput, RayTracedScene, RayTracedSceneInput, RayTracedView, RayTracedViewDescriptor,
+    Surfel, SurfelGathererSettings,
     glam::DVec3,
     reference::trace::Receiver,
     scenes::{self, Scene},
@@ -65,6 +65,17 @@ impl Stage {
             .record(&gpu.device, &mut encoder, &self.scene, &input)?;
         gpu.finish(encoder);
         Ok(())
+    }
+
+    /// A frame with all the room that was counted to be needed.
+    fn settled(&mut self, lights: &[Light]) -> Vec<DVec3> {
+        for _ in 0..4 {
+            self.frame(lights);
+        }
+        let picture = self.frame(lights);
+        let counts = self.scene.counts().expect("counts");
+        assert_eq!((counts.overflow(), counts.merged), (0, 0));
+        picture
     }
 
     fn frame(&mut self, lights: &[Light]) -> Vec<DVec3> {
@@ -143,11 +154,8 @@ fn three_bounces_are_those_traced() {
         ];
         for (how, (scene, lights), bound) in cases {
             let mut stage = Stage::new(&scene, 0, [48, 32], BounceSettings::in_frame(3));
-            // In the second frame the room has what was counted in the first.
-            stage.frame(&lights);
-            let picture = stage.frame(&lights);
+            let picture = stage.settled(&lights);
             let counts = stage.scene.counts().expect("counts");
-            assert_eq!(counts.overflow(), 0, "{name}");
             let (rmse, bias) = stage.off((&scene, &lights), &picture, 3, 256);
             let (one, _) = stage.off((&scene, &lights), &picture, 1, 64);
             println!(
@@ -160,4 +168,157 @@ fn three_bounces_are_those_traced() {
         }
     }
     assert!(failures.is_empty(), "{failures:#?}");
+}
+
+/// One recording per frame of what surfels sent in the last one is as many in one frame, a bounce later each frame.
+#[test]
+fn bounces_come_and_go_over_frames() {
+    let (scene, lights) = lamp_lit(scenes::cornell());
+    let size = [24, 16];
+    let gatherer = SurfelGathererSettings {
+        most_albedo: 0.5,
+        ..SurfelGathererSettings::default()
+    };
+    let over_frames = BounceSettings {
+        gatherer,
+        ..BounceSettings::over_frames()
+    };
+    let mut stage = Stage::new(&scene, 0, size, over_frames);
+    let mut last = Vec::new();
+    for frame in 1..=4 {
+        last = stage.frame(&lights);
+        if frame == 1 || frame == 3 {
+            let in_frame = BounceSettings {
+                gatherer,
+                ..BounceSettings::in_frame(frame + 1)
+            };
+            let together = Stage::new(&scene, 0, size, in_frame).frame(&lights);
+            assert_eq!(last, together, "frame {frame}");
+        }
+    }
+    // Switched off it is gone after as many frames as are promised, and less each frame.
+    let frames = over_frames.frames_until(0.01).expect("a number");
+    assert_eq!(frames, 7);
+    let brightest = last.iter().fold(DVec3::ZERO, |a, b| a.max(*b));
+    for frame in 1..=frames {
+        let now = stage.frame(&[]);
+        let sum = |picture: &[DVec3]| picture.iter().sum::<DVec3>();
+        let (before, after) = (sum(&last), sum(&now));
+        println!("off for {frame}: {after:.5} after {before:.5}");
+        assert!(after.cmplt(before).all(), "{frame}: {after} after {before}");
+        last = now;
+    }
+    let left = last.iter().fold(DVec3::ZERO, |a, b| a.max(*b));
+    assert!(left.cmple(brightest * 0.01).all(), "{left} of {brightest}");
+    assert!(
+        left.max_element() > 0.0,
+        "nothing came over from the last frame"
+    );
+}
+
+/// Nothing, of which nothing is kept either, and what the scene was not made for.
+#[test]
+fn what_does_not_go_together_is_a_typed_error() {
+    let gpu = pipelines::gpu();
+    let device = &gpu.device;
+    let usual = BounceSettings::in_frame(2);
+    let made = |primitives, settings| RayTracedScene::with_bounces(device, primitives, settings);
+    for (settings, field, accepted) in [
+        (BounceSettings::in_frame(1), "Bounces::InFrame", "2 to 16"),
+        (BounceSettings::in_frame(17), "Bounces::InFrame", "2 to 16"),
+        (
+            BounceSettings {
+                radius_pixels: 0.0,
+                ..usual
+            },
+            "radius_pixels",
+            "0.05 to 1000",
+        ),
+        (
+            BounceSettings {
+                samples: 3,
+                ..usual
+            },
+            "samples",
+            "1, 2, 4",
+        ),
+        (
+            BounceSettings {
+                gatherer: SurfelGathererSettings {
+                    rays_per_surfel: 0,
+                    ..usual.gatherer
+                },
+                ..usual
+            },
+            "rays_per_surfel",
+            "1 to 64",
+        ),
+    ] {
+        refused(
+            made(Primitives::Triangles, settings),
+            "Setting",
+            field,
+            accepted,
+        );
+    }
+    refused(
+        made(Primitives::Instances, usual),
+        "Setting",
+        "RayTracedScene::with_bounces",
+        "a cloud's triangles",
+    );
+    let occlusion = RayTracedViewDescriptor {
+        further_bounces: true,
+        ..RayTracedViewDescriptor::new(
+            RayTracedEffect::AmbientOcclusion { radius: 1.0 },
+            Quality::Fast,
+            Format::R8Unorm,
+        )
+    };
+    refused(
+        RayTracedView::new(device, &occlusion),
+        "Setting",
+        "further_bounces",
+        "false",
+    );
+    // A scene of one bounce has no surfels, and nothing for such a view.
+    let (scene, lights) = lamp_lit(scenes::cornell());
+    let mut stage = Stage::new(&scene, 0, [8, 8], usual);
+    stage.record(&lights).expect("a picture");
+    let bouncing = std::mem::replace(
+        &mut stage.scene,
+        RayTracedScene::new(device).expect("pipelines"),
+    );
+    refused(
+        stage.record(&lights),
+        "Mismatch",
+        "RayTracedScene",
+        "with_bounces",
+    );
+    let surfel = size_of::<Surfel>() as u64;
+    assert!(stage.scene.memory_bytes() + 256 * surfel < bouncing.memory_bytes());
+    // Without triangles, and without light.
+    stage.scene = bouncing;
+    assert!(stage.frame(&[]).iter().all(|color| *color == DVec3::ZERO));
+    let meshes = std::mem::replace(&mut stage.shot.buffers, {
+        let empty = Scene {
+            indices: Vec::new(),
+            parts: Vec::new(),
+            ..scene
+        };
+        support::scene::SceneBuffers::new(gpu, &empty)
+    });
+    assert!(
+        stage
+            .frame(&lights)
+            .iter()
+            .all(|color| *color == DVec3::ZERO)
+    );
+    stage.shot.buffers = meshes;
+    assert!(
+        stage
+            .frame(&lights)
+            .iter()
+            .any(|color| *color != DVec3::ZERO)
+    );
 }
