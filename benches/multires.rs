@@ -3,7 +3,7 @@
 //!
 //! Prints a row for each of the crate's own views, and their mean for each effect, size and number of samples, and writes
 //! the rows to `target/bench/multires.json`:
-//! * `full_ms`, `masked_ms`, `speedup`: wall clock of a submission, the fastest of a few runs. Masked is all of it: the masks,
+//! * `full_ms`, `masked_ms`, `speedup`: time of a submission, the fastest of a few runs. Masked is all of it: the masks,
 //!   with the hard shadows that those of shadows need, the sub-images and the blend;
 //! * `mask_ms`, `blend_ms`: the masks' share and the blend's of it, each in a submission of its own;
 //! * `rmse`: the root of the mean squared difference of both images, whose values are 0 to 1;

@@ -8,8 +8,6 @@
 //! The loop is f32, multi-threaded and vectorised by the compiler over the 64 pixels of a unit. It is handed the surfels
 //! of each unit, binned beforehand: its time has no culling in it, that of the splat has.
 
-use std::time::Instant;
-
 use clap::Parser;
 use deep_screen_space::{
     AmbientOcclusion, Camera, CloudCapacity, SplatSettings,
@@ -184,10 +182,10 @@ fn measure(
     let looped: f64 = units.iter().map(|u| 64.0 * u.surfels.len() as f64).sum();
     let loop_ms = (0..RUNS)
         .map(|_| {
-            let start = Instant::now();
+            let stopwatch = gpu.stopwatch();
             let sum: f32 = units.par_iter().map(|unit| splat_unit(unit, &disks)).sum();
             assert!(sum.is_finite());
-            start.elapsed().as_secs_f64() * 1e3
+            stopwatch.milliseconds()
         })
         .fold(f64::INFINITY, f64::min);
     let [surfelize, cluster, splat, reconstruct] = best;

@@ -107,6 +107,7 @@ mod mesh_binding;
 mod multi_res_mask;
 mod multi_res_reconstructor;
 mod overrides;
+pub mod planner;
 mod ray_budget;
 mod ray_traced;
 mod receivers;

@@ -3,10 +3,8 @@
 use deep_screen_space::{CloudCapacity, Payload};
 use serde_json::{Value, json};
 
-use super::{
-    method::{Method, QUALITY, Shot, Variant},
-    stage::Stage,
-};
+use super::method::{Method, QUALITY, Shot, Variant};
+use support::stage::Stage;
 use support::{
     bounced::{BouncedRenderer, RayRoom},
     presets::{self, BouncedPreset},

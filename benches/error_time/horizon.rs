@@ -3,11 +3,9 @@
 use deep_screen_space::wgpu::TextureView;
 use serde_json::{Value, json};
 
-use super::{
-    method::{Method, Shot, Variant},
-    stage::Stage,
-};
+use super::method::{Method, Shot, Variant};
 use support::depth_only::{AmbientOcclusionSettings, DepthOnly, Frame};
+use support::stage::Stage;
 
 /// Slices, taps on each side of each, and half width of the filter: from cheap to dear, each the best of its price.
 const LADDER: [[u32; 3]; 9] = [

@@ -3,11 +3,9 @@
 use deep_screen_space::{CloudCapacity, Payload, RaySettings, glam::DVec3, wgpu::TextureView};
 use serde_json::{Value, json};
 
-use super::{
-    method::{Method, QUALITY, Shot, Variant},
-    stage::{Stage, luminance},
-};
+use super::method::{Method, QUALITY, Shot, Variant};
 use support::depth_only::{DepthOnly, Frame, IndirectSettings};
+use support::stage::{Stage, luminance};
 use support::{
     bounced::{BouncedRenderer, RayRoom},
     presets::{self, BouncedPreset},

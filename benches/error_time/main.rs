@@ -4,7 +4,8 @@
 //! Renders one view of each of the crate's scenes, within the scene's radius and without one: by splatting with the preset
 //! `balanced`, with one setting after the other turned away from it, by the bounced z-buffer likewise, and by what a depth buffer
 //! alone allows, with ever more slices and taps. Errors are against rays traced through the same pixels, with the rays' own noise
-//! taken out. Times are wall clock, one submission per pass, the fastest of a few runs; they count only beside each other, so
+//! taken out. Times are of one submission per pass, the fastest of a few runs: the processor's where the driver is software
+//! (`examples/support/stopwatch.rs`), or else wall clock. They count only beside each other, so
 //! every one is given as a ratio to `balanced` in the same view too. Each row's `work` is the part of the cost that is the same
 //! on every machine: for splatting the surfel-pixel pairs that were evaluated, for the bounced z-buffer the bounds and runs of
 //! triangles that rays were tested against.
@@ -28,7 +29,6 @@ mod horizon;
 mod light;
 mod method;
 mod splat;
-mod stage;
 mod table;
 
 use std::{path::Path, process::ExitCode};
@@ -40,9 +40,9 @@ use horizon::Horizon;
 use light::{BouncedLight, Marched};
 use method::{Measurement, Method};
 use splat::Splat;
-use stage::{Effect, Effort, Stage};
 use support::bench;
 use support::gpu::{Ask, Gpu};
+use support::stage::{Effect, Effort, Stage};
 use table::Row;
 
 /// Error against time of ambient occlusion, method by method and a knob at a time.
@@ -108,7 +108,7 @@ fn run(options: &Options) -> Result<(), String> {
     Row::print_header();
     let mut rows = Vec::new();
     for scene in &scenes {
-        let stage = Stage::new(&gpu, &effort, scene)?;
+        let stage = Stage::new(&gpu, &effort, (scene, &scene.views[0]))?;
         let mut splat = Splat::new(&stage)?;
         let mut bounced = Bounced::new(&stage)?;
         let mut horizon = Horizon::new(&stage);

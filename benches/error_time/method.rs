@@ -4,10 +4,8 @@ use std::{collections::HashMap, fmt::Debug};
 
 use serde_json::Value;
 
-use super::{
-    stage::{Effect, Stage, Truth},
-    table::Row,
-};
+use super::table::Row;
+use support::stage::{Effect, Stage, Truth};
 
 /// The knob that each method's line in the comparison of methods turns: all of its settings from cheap to dear together.
 pub const QUALITY: &str = "quality";
@@ -45,7 +43,7 @@ pub struct Variant<S> {
 pub struct Shot {
     /// What the effect is measured in: visibility, 1 = open, or luminance over the picture's mean. Rows from the top.
     pub values: Vec<f32>,
-    /// A name and milliseconds of wall clock per pass.
+    /// A name and milliseconds by `Gpu::stopwatch` per pass.
     pub passes: Vec<(&'static str, f64)>,
     /// What the reader must know of this picture, if anything.
     pub note: Option<&'static str>,

@@ -3,10 +3,8 @@
 use deep_screen_space::{AmbientOcclusion, CloudCapacity, Overlap};
 use serde_json::{Value, json};
 
-use super::{
-    method::{Method, QUALITY, Shot, Variant},
-    stage::Stage,
-};
+use super::method::{Method, QUALITY, Shot, Variant};
+use support::stage::Stage;
 use support::{
     ambient_occlusion::Renderer,
     presets::{self, Preset},

@@ -5,11 +5,12 @@ use std::fmt::Write as _;
 use serde::Serialize;
 use serde_json::Value;
 
+use support::stage::{self, Effect};
+
 use super::{
     chart::{Panel, Point},
     method::{Measurement, QUALITY, Shot},
     splat::PRESETS,
-    stage::{self, Effect},
 };
 
 /// One line of the table.

@@ -26,7 +26,6 @@ use std::{
     collections::BTreeMap,
     fs::File,
     path::{Path, PathBuf},
-    time::Instant,
 };
 
 use clap::Parser;
@@ -313,9 +312,9 @@ fn measure(
     let counts: Vec<_> = asked()
         .filter_map(|(name, payload, radius)| Some((name, trace(payload, radius?, true, &[]).1?)))
         .collect();
-    let start = Instant::now();
+    let stopwatch = gpu.stopwatch();
     let tracer = Tracer::new(&scene.positions, &scene.indices).expect("a scene");
-    let build = milliseconds(start);
+    let build = stopwatch.milliseconds();
     let receivers = gbuffer::receivers(
         camera,
         &tracer,
@@ -346,18 +345,18 @@ fn measure(
 
     let cpu = (0..RUNS)
         .map(|_| {
-            let start = Instant::now();
+            let stopwatch = gpu.stopwatch();
             let blocked = cpu_hits(&tracer, &receivers, size[0]);
             assert!(blocked <= rays as usize);
-            milliseconds(start)
+            stopwatch.milliseconds()
         })
         .fold(f64::INFINITY, f64::min);
 
     let obvhs = (0..RUNS)
         .map(|_| {
-            let start = Instant::now();
+            let stopwatch = gpu.stopwatch();
             best.count(on_cpu, size[0], GRID, (infinite, true));
-            milliseconds(start)
+            stopwatch.milliseconds()
         })
         .fold(f64::INFINITY, f64::min);
     let megabytes = bvh_bytes.get() as f64 / 1e6;
@@ -410,8 +409,4 @@ fn of(passes: &[(&str, f64)], name: &str) -> f64 {
         .find(|pass| pass.0 == name)
         .expect("a pass of that name")
         .1
-}
-
-fn milliseconds(start: Instant) -> f64 {
-    start.elapsed().as_secs_f64() * 1e3
 }

@@ -24,7 +24,7 @@ pub struct Renderer {
 /// The image, 1 = open, and what it took.
 pub struct Rendered {
     pub visibility: Vec<f32>,
-    /// A name and milliseconds of wall clock per pass.
+    /// A name and milliseconds by `Gpu::stopwatch` per pass.
     pub passes: Vec<(&'static str, f64)>,
     pub counts: SurfelCounts,
 }

@@ -14,7 +14,7 @@ use super::{
     decoding::Decoding, gpu::Gpu, presets::BouncedPreset, raster::Raster, scene::SceneBuffers,
 };
 
-/// A name and milliseconds of wall clock.
+/// A name and milliseconds by `Gpu::stopwatch`.
 type Timed = (&'static str, f64);
 
 /// What light of surfels needs besides.
@@ -362,7 +362,7 @@ pub struct BouncedRenderer {
 pub struct Picture {
     /// Visibility in all channels (1 = open), or radiance.
     pub pixels: Vec<[f32; 4]>,
-    /// A name and milliseconds of wall clock per pass.
+    /// A name and milliseconds by `Gpu::stopwatch` per pass.
     pub passes: Vec<Timed>,
     pub counts: SurfelCounts,
 }

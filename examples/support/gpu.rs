@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::stopwatch::Stopwatch;
 use deep_screen_space::wgpu::{self, util::DeviceExt};
 
 /// What a device is asked for.
@@ -192,14 +193,24 @@ impl Gpu {
             .expect("the device answers");
     }
 
-    /// Records, submits, waits; returns milliseconds of the wall clock. Timestamps in compute passes are wrong on
+    /// Records, submits, waits; returns milliseconds by [`Gpu::stopwatch`]. Timestamps in compute passes are wrong on
     /// lavapipe once a render pass has run, so this is what works everywhere.
     pub fn time<R>(&self, record: impl FnOnce(&mut wgpu::CommandEncoder) -> R) -> (f64, R) {
         let mut encoder = self.encoder();
         let result = record(&mut encoder);
-        let start = std::time::Instant::now();
+        let stopwatch = self.stopwatch();
         self.finish(encoder);
-        (start.elapsed().as_secs_f64() * 1e3, result)
+        (stopwatch.milliseconds(), result)
+    }
+
+    /// What this adapter's work is timed by: the processor's time where the driver runs on it.
+    pub fn stopwatch(&self) -> Stopwatch {
+        Stopwatch::start(self.on_processor())
+    }
+
+    /// Whether the driver is software.
+    pub fn on_processor(&self) -> bool {
+        self.adapter.device_type == wgpu::DeviceType::Cpu
     }
 
     pub fn encoder(&self) -> wgpu::CommandEncoder {

@@ -117,6 +117,12 @@ impl RaySettings {
         }
     }
 
+    /// Rays per pixel on average, further ones included.
+    pub fn all_rays(&self) -> f64 {
+        let further = self.further.map_or(0.0, |further| further.rays_per_pixel);
+        f64::from(self.rays_per_pixel) + f64::from(further)
+    }
+
     /// What the tracer takes, for hits nearer than `radius`.
     pub fn bounced(&self, radius: f32) -> BouncedSettings {
         BouncedSettings {

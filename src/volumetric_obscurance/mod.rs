@@ -37,7 +37,7 @@ const LABEL: &str = "deep-screen-space volumetric obscurance";
 const TARGET: TextureFormat = TextureFormat::R32Float;
 
 /// What a [`VolumetricObscurance`] is made for.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VolumetricObscuranceDescriptor {
     /// How to integrate.
     pub sampling: ObscuranceSampling,

@@ -21,6 +21,17 @@ pub enum ObscuranceSampling {
     OneArea,
 }
 
+impl ObscuranceSampling {
+    /// How many samples a pixel has.
+    pub fn samples(&self) -> u32 {
+        match self {
+            Self::Points(samples) => samples.table().len() as u32,
+            Self::Lines(samples) | Self::Areas(samples) => samples.table().len() as u32,
+            Self::OneArea => 1,
+        }
+    }
+}
+
 /// What [`VolumetricObscurance`](crate::VolumetricObscurance) integrates over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub enum ObscuranceVolume {

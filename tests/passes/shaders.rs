@@ -1,7 +1,11 @@
-//! Every WGSL variant parses and validates without a GPU, with exactly the capabilities that it asks for. The texts are
-//! left in `target/wgsl` for `scripts/browser_check.py`.
+//! Every WGSL variant parses and validates without a GPU, with exactly the capabilities that it asks for. Those that hold all
+//! pairs of flags are left in `target/wgsl` for `scripts/browser_check.py`.
 
-use std::{collections::HashSet, fs, path::Path};
+use std::{
+    collections::{BTreeMap, BTreeSet, HashSet},
+    fs,
+    path::Path,
+};
 
 use deep_screen_space::{
     AmbientOcclusion, Channels, Effect, Error, Overlap, Shader, shaders, wgpu::Features,
@@ -74,6 +78,43 @@ fn validate(shader: &Shader, capabilities: Capabilities) -> Result<(), String> {
         .map_err(|e| e.emit_to_string(&shader.source))
 }
 
+/// The fewest variants of each file, or nearly, in which any two words of the variants' names stand together, apart, and both
+/// not at all, where they do in any: a browser takes long to compile one, and what it refuses hangs on two flags at most.
+fn covering(shaders: Vec<Shader>) -> Vec<Shader> {
+    let mut files: BTreeMap<String, Vec<Shader>> = BTreeMap::new();
+    for shader in shaders {
+        let file = shader.name.split(' ').next().unwrap_or_default();
+        files.entry(file.to_owned()).or_default().push(shader);
+    }
+    let mut covering = Vec::new();
+    for mut shaders in files.into_values() {
+        let words: BTreeSet<String> = shaders
+            .iter()
+            .flat_map(|shader| shader.name.split(' ').map(str::to_owned))
+            .collect();
+        let pairs = |shader: &Shader| -> BTreeSet<[(usize, bool); 2]> {
+            let own: HashSet<&str> = shader.name.split(' ').collect();
+            let is = |i: usize, word: &String| (i, own.contains(word.as_str()));
+            let all: Vec<_> = words.iter().enumerate().map(|(i, w)| is(i, w)).collect();
+            let pair = |&a| all.iter().map(move |&b| [a, b]);
+            all.iter().flat_map(pair).collect()
+        };
+        let mut missing: BTreeSet<_> = shaders.iter().flat_map(pairs).collect();
+        while !missing.is_empty() {
+            let gain = |shader: &Shader| pairs(shader).intersection(&missing).count();
+            let (best, _) = shaders
+                .iter()
+                .enumerate()
+                .max_by_key(|(_, shader)| gain(shader))
+                .expect("what is missing is in one of them");
+            let best = shaders.swap_remove(best);
+            missing = &missing - &pairs(&best);
+            covering.push(best);
+        }
+    }
+    covering
+}
+
 /// `unpack2x16float`: part of WebGPU itself, lacking only on downlevel devices (`DownlevelFlags::SHADER_F16_IN_F32`).
 const FLOOR: Capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32;
 
@@ -94,14 +135,15 @@ fn capabilities(features: Features) -> Capabilities {
 fn every_variant_validates_with_the_capabilities_it_asks_for() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("../wgsl");
     fs::create_dir_all(&folder).expect("target can be written");
-    for shader in variants() {
-        if let Err(problem) = validate(&shader, capabilities(shader.features)) {
+    let mut all = variants();
+    for shader in &all {
+        if let Err(problem) = validate(shader, capabilities(shader.features)) {
             panic!("{}:\n{problem}", shader.name);
         }
-        // No browser has these.
-        if shader.features.contains(Features::EXPERIMENTAL_RAY_QUERY) {
-            continue;
-        }
+    }
+    // No browser has these.
+    all.retain(|shader| !shader.features.contains(Features::EXPERIMENTAL_RAY_QUERY));
+    for shader in covering(all) {
         let header = if shader.features.contains(Features::SUBGROUP) {
             "// requires: subgroups\n"
         } else {

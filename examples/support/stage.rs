@@ -1,4 +1,4 @@
-//! A scene's first view: its G-buffer, and the truth about it.
+//! A view of a scene: its G-buffer, and the truth about it.
 
 use std::f64::consts::PI;
 
@@ -9,11 +9,12 @@ use deep_screen_space::{
         gbuffer,
         trace::{Estimate, Receiver, Tracer},
     },
-    scenes::Scene,
+    scenes::{Scene, View},
 };
 use serde::Serialize;
 
-use support::{
+use crate::{
+    calibration::Subject,
     gpu::Gpu,
     raster::{self, Raster},
     scene::SceneBuffers,
@@ -45,7 +46,7 @@ impl Effect {
     }
 }
 
-/// A scene's first view with its G-buffer and rays.
+/// A view with its G-buffer and rays.
 pub struct Stage<'g> {
     pub gpu: &'g Gpu,
     pub effort: &'g Effort,
@@ -69,8 +70,11 @@ pub struct Truth {
 }
 
 impl<'g> Stage<'g> {
-    pub fn new(gpu: &'g Gpu, effort: &'g Effort, scene: &'g Scene) -> Result<Self, String> {
-        let view = &scene.views[0];
+    pub fn new(
+        gpu: &'g Gpu,
+        effort: &'g Effort,
+        (scene, view): (&'g Scene, &View),
+    ) -> Result<Self, String> {
         let [width, height] = effort.size;
         let aspect = f64::from(width) / f64::from(height);
         let camera = Camera::look_at(
@@ -107,6 +111,18 @@ impl<'g> Stage<'g> {
             lights,
             tracer,
         })
+    }
+
+    /// What to render.
+    pub fn subject(&self) -> Subject<'_> {
+        Subject {
+            gpu: self.gpu,
+            size: self.effort.size,
+            camera: &self.camera,
+            buffers: &self.buffers,
+            drawn: &self.drawn,
+            lights: &self.lights,
+        }
     }
 
     pub fn truth(&self, radius: f32) -> Result<Truth, String> {

@@ -1,0 +1,80 @@
+//! How the error falls along each method's settings: `cargo bench --bench trade` measures it, and prints this table.
+
+/// Rays per pixel of the rungs.
+pub(super) const RAYS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
+
+/// One method's errors, from its cheapest rung to its dearest.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Curve {
+    /// Root mean square errors in units of that of the first rung that a calibration renders: geometric means over scenes.
+    pub errors: &'static [f64],
+    /// That rung's own error where nothing is known of the scene: the geometric mean over scenes.
+    pub typical: f64,
+    /// The same in units of its difference from 64 rays per pixel.
+    pub of_difference: f64,
+}
+
+impl Curve {
+    /// The error of a setting whose work lies among those of the rungs: straight between two, both by their logarithms.
+    pub fn at(&self, works: &[f64], work: f64) -> f64 {
+        let above = works
+            .partition_point(|&w| w < work)
+            .clamp(1, works.len().max(2) - 1);
+        let (x, y) = (&works[above - 1..=above], &self.errors[above - 1..=above]);
+        let share = ((work / x[0]).ln() / (x[1] / x[0]).ln()).clamp(0.0, 1.0);
+        y[0] * (y[1] / y[0]).powf(share)
+    }
+}
+
+/// The methods of an effect.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Curves {
+    pub rays: Curve,
+    pub splats: Option<Curve>,
+    pub obscurance: Option<Curve>,
+}
+
+/// Visibility within a radius.
+pub(super) const WITHIN_RADIUS: Curves = Curves {
+    rays: Curve {
+        errors: &[1.45, 1.27, 1.0, 0.84, 0.72, 0.63, 0.55],
+        typical: 0.034,
+        of_difference: 1.0,
+    },
+    splats: Some(Curve {
+        errors: &[1.0, 0.75, 0.70],
+        typical: 0.08,
+        of_difference: 1.0,
+    }),
+    obscurance: Some(Curve {
+        errors: &[1.0, 0.9, 0.8],
+        typical: 0.12,
+        of_difference: 1.0,
+    }),
+};
+
+/// Visibility without a radius.
+pub(super) const UNBOUNDED: Curves = Curves {
+    rays: Curve {
+        errors: &[1.52, 1.3, 1.0, 0.86, 0.72, 0.63, 0.55],
+        typical: 0.024,
+        of_difference: 1.0,
+    },
+    splats: Some(Curve {
+        errors: &[1.0, 0.98, 0.97],
+        typical: 0.09,
+        of_difference: 1.0,
+    }),
+    obscurance: None,
+};
+
+/// One diffuse bounce of light.
+pub(super) const LIGHT: Curves = Curves {
+    rays: Curve {
+        errors: &[1.75, 1.35, 1.0, 0.8, 0.65, 0.53, 0.45],
+        typical: 0.25,
+        of_difference: 1.0,
+    },
+    splats: None,
+    obscurance: None,
+};
