@@ -67,15 +67,17 @@ impl Stage {
         Ok(())
     }
 
-    /// A frame with all the room that was counted to be needed.
+    /// The first frame that is known to have had all the room that it needs.
     fn settled(&mut self, lights: &[Light]) -> Vec<DVec3> {
+        let mut picture = self.frame(lights);
         for _ in 0..4 {
-            self.frame(lights);
+            picture = self.frame(lights);
+            let counts = self.scene.counts();
+            if counts.is_some_and(|c| c.overflow() == 0 && c.merged == 0) {
+                return picture;
+            }
         }
-        let picture = self.frame(lights);
-        let counts = self.scene.counts().expect("counts");
-        assert_eq!((counts.overflow(), counts.merged), (0, 0));
-        picture
+        panic!("no room after {:?}", self.scene.counts());
     }
 
     fn frame(&mut self, lights: &[Light]) -> Vec<DVec3> {
@@ -142,32 +144,21 @@ fn lamp_lit(mut scene: Scene) -> (Scene, Vec<Light>) {
     (scene, vec![light])
 }
 
-/// Three bounces of `balanced` in closed scenes, by a light and by their own lamps.
+/// Three bounces of `balanced` in closed scenes that a light shines in: at most 0.15 of their mean. Measured 0.100 and 0.078, of
+/// which the pixels' own rays have 0.094 for one bounce; on another driver rays are the same but for rounding.
 #[test]
 fn three_bounces_are_those_traced() {
-    let mut failures = Vec::new();
-    for (name, by_lamp, by_light) in [("cornell", 0.15, 0.15), ("closed_room", 0.15, 0.15)] {
-        let own = scenes::by_name(name).expect("a scene");
-        let cases = [
-            ("its lamp", (own.clone(), Vec::new()), by_lamp),
-            ("a light", lamp_lit(own), by_light),
-        ];
-        for (how, (scene, lights), bound) in cases {
-            let mut stage = Stage::new(&scene, 0, [48, 32], BounceSettings::in_frame(3));
-            let picture = stage.settled(&lights);
-            let counts = stage.scene.counts().expect("counts");
-            let (rmse, bias) = stage.off((&scene, &lights), &picture, 3, 256);
-            let (one, _) = stage.off((&scene, &lights), &picture, 1, 64);
-            println!(
-                "{name} by {how}: {rmse:.3} (bias {bias:+.3}) off three bounces, {one:.3} off one; {} surfels",
-                counts.stored
-            );
-            if rmse > bound || bias.abs() > 0.05 {
-                failures.push(format!("{name} by {how}: {rmse:.3}, {bias:+.3}"));
-            }
-        }
+    for (name, size) in [("cornell", [96, 64]), ("closed_room", [48, 32])] {
+        let (scene, lights) = lamp_lit(scenes::by_name(name).expect("a scene"));
+        let mut stage = Stage::new(&scene, 0, size, BounceSettings::in_frame(3));
+        let picture = stage.settled(&lights);
+        let (rmse, bias) = stage.off((&scene, &lights), &picture, 3, 64);
+        let (one, _) = stage.off((&scene, &lights), &picture, 1, 16);
+        println!("{name}: {rmse:.3} (bias {bias:+.3}) off three bounces, {one:.3} off one");
+        assert!(rmse <= 0.15, "{name}: {rmse}");
+        assert!(bias.abs() <= 0.05, "{name}: {bias}");
+        assert!(one > 0.3, "{name}: {one} off one bounce");
     }
-    assert!(failures.is_empty(), "{failures:#?}");
 }
 
 /// One recording per frame of what surfels sent in the last one is as many in one frame, a bounce later each frame.
