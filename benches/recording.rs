@@ -317,7 +317,7 @@ fn bounced(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
                 radiance: match payload {
                     Payload::Occlusion => HitRadiance::None,
                     Payload::Radiance => HitRadiance::Surfels(&radiance),
-                    Payload::LitRadiance => HitRadiance::Lit(HitLighting {
+                    _ => HitRadiance::Lit(HitLighting {
                         materials: &bench.buffers.materials,
                         lights: &lights,
                     }),

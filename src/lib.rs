@@ -8,6 +8,7 @@
 //! * [`GBufferDecoder`]: the caller's G-buffer, decoded once per frame and view into the [`Frame`] that passes start from.
 //! * [`Surfelizer`]: the caller's triangles become a [`SurfelCloud`], finer near the camera than far from it.
 //! * [`SurfelShader`]: what each surfel sends of the caller's [`Light`]s, for effects that bounce light.
+//! * [`SurfelGatherer`]: what surfels send of the light that others send them, for light that bounces more than once.
 //! * [`ShellSplatter`]: sums over the surfels for every pixel of the caller's G-buffer, near ones at full resolution and
 //!   far ones ever more coarsely. What a surfel adds to a pixel is an [`Effect`], the crate's ([`AmbientOcclusion`],
 //!   [`DiffuseBounce`]), one of the caller's, in WGSL, or two of them in one splat ([`Effect::and`]).
@@ -126,6 +127,7 @@ mod shell_splatter;
 mod soft_shadows;
 pub mod spherical_gaussian;
 mod surfel;
+mod surfel_gatherer;
 mod surfel_shader;
 mod surfelizer;
 mod temporal_accumulator;
@@ -177,6 +179,7 @@ pub use multi_res_reconstructor::{
 };
 pub use ray_budget::{RayBudget, RayBudgetInput, settings::RayBudgetSettings, view::RayBudgetView};
 pub use ray_traced::{
+    bounces::{BounceSettings, Bounces},
     quality::{Quality, RaySettings, SplatQuality},
     scene::{RayTracedScene, RayTracedSceneInput},
     view::{RayTracedEffect, RayTracedInput, RayTracedView, RayTracedViewDescriptor},
@@ -207,6 +210,9 @@ pub use soft_shadows::{SoftShadows, SoftShadowsInput, settings::SoftShadowsSetti
 pub use surfel::{
     CloudCapacity, Piece, Placement, Surfel, SurfelCloud, SurfelCounts, SurfelRadiance,
     SurfelSource,
+};
+pub use surfel_gatherer::{
+    SurfelGatherer, SurfelGathererInput, SurfelSenders, settings::SurfelGathererSettings,
 };
 pub use surfel_shader::{
     ShadedLight, Shadow, ShadowMap, SurfelShader, SurfelShaderInput, settings::SurfelShaderSettings,

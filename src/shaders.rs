@@ -8,7 +8,7 @@ use crate::{
     gpu::{listing::Shader, scan, sort},
     hit_resolver, instanced_bvh, multi_res_mask, multi_res_reconstructor, ray_budget, receivers,
     reconstructor, reflective_shadow_map, screen_space_gi, sg_hull, shell_splatter, soft_shadows,
-    surfel_shader, surfelizer, temporal_accumulator, volumetric_obscurance,
+    surfel_gatherer, surfel_shader, surfelizer, temporal_accumulator, volumetric_obscurance,
 };
 
 /// How a pass adds its modules to the listing.
@@ -21,6 +21,7 @@ const PASSES: &[List] = &[
     receivers::list,
     surfelizer::list,
     surfel_shader::list,
+    surfel_gatherer::list,
     shell_splatter::list,
     reconstructor::list,
     bvh::list,

@@ -10,7 +10,8 @@
 // tens of tests in place of all senders within their splats' reach, and none is out of reach.
 //
 // Without #if RADIANCE a hit is a bit; with it, the radiance that the surfel at the hit sends, or with #if LIT what the
-// hit itself sends of the light that reaches it. Senders are a cloud's pieces, with #if TWO_LEVELS the triangles of instances
+// hit itself sends of the light that reaches it, and with #if GATHERED besides what its surfel sends of what it gathered from
+// other surfels. Senders are a cloud's pieces, with #if TWO_LEVELS the triangles of instances
 // of meshes, or with #if DISKS a cloud's surfels as disks. With #if GLOSSY directions are those of the pixel's glossy lobe;
 // those below its horizon are not traced. With #if ENVIRONMENT rays that meet nothing bring what an environment has there, and
 // some of a diffuse pixel's directions are drawn by it; with #if SKY_LIGHT that is all that they bring, and any hit is as good as
@@ -106,13 +107,14 @@ override SAMPLING: u32 = 0u;
 #if LIT
 @group(0) @binding(13) var<uniform> lights: Lights;
 @group(0) @binding(14) var<storage, read> materials: array<Material>;
-#else
+#endif
 #if !SKY_LIGHT
+#if !LIT || GATHERED
 @group(0) @binding(6) var<storage, read> radiance: array<SurfelRadiance>;
 #endif
 #endif
 #if !DISKS && !SKY_LIGHT
-#if !LIT
+#if !LIT || GATHERED
 // First surfel of each piece.
 @group(0) @binding(7) var<storage, read> surfel_offsets: array<u32>;
 #endif
@@ -196,6 +198,19 @@ fn find(ray: Ray, pixel: vec2u, normal: vec3f) -> Hit {
 #endif
 }
 
+#if !DISKS && !SKY_LIGHT
+#if !LIT || GATHERED
+// The surfel that a hit belongs to.
+fn surfel_at(ray: Ray, hit: Hit) -> u32 {
+  let index = hit.primitive;
+  let piece = pieces[index];
+  let t = Triangle(piece.a, piece.b, piece.c);
+  let leaf = leaf_at(t, ray.origin + ray.direction * hit.t, piece.shape & SHAPE_ORDER);
+  return nearest_room(surfel_offsets[index] + leaf, counters.surfels, params.surfel_capacity);
+}
+#endif
+#endif
+
 fn incoming(ray: Ray, hit: Hit, sky: vec3f) -> vec3f {
   if hit.primitive == MISS {
     return sky;
@@ -224,18 +239,20 @@ fn incoming(ray: Ray, hit: Hit, sky: vec3f) -> vec3f {
   }
   let material = materials[min(index, arrayLength(&materials) - 1u)];
   let own = own_radiosity(material, facing);
-  return min((own + sanitize(material.albedo) * irradiance) / PI, vec3f(BRIGHTEST));
+  var sent = (own + sanitize(material.albedo) * irradiance) / PI;
+#if GATHERED
+  let gathered = radiance[surfel_at(ray, hit)];
+  sent += sanitize(select(gathered.back, gathered.front, facing));
+#endif
+  return min(sent, vec3f(BRIGHTEST));
 #else
 #if DISKS
   let surfel = hit.primitive;
   let facing = dot(unpack_normal(sources[surfel].normal), ray.direction) < 0.0;
 #else
-  let index = hit.primitive;
-  let piece = pieces[index];
-  let t = Triangle(piece.a, piece.b, piece.c);
-  let leaf = leaf_at(t, ray.origin + ray.direction * hit.t, piece.shape & SHAPE_ORDER);
-  let surfel = nearest_room(surfel_offsets[index] + leaf, counters.surfels, params.surfel_capacity);
-  let facing = dot(cross(t.b - t.a, t.c - t.a), ray.direction) < 0.0;
+  let surfel = surfel_at(ray, hit);
+  let piece = pieces[hit.primitive];
+  let facing = dot(cross(piece.b - piece.a, piece.c - piece.a), ray.direction) < 0.0;
 #endif
   let sent = radiance[surfel];
   return select(sent.back, sent.front, facing);

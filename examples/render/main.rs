@@ -1,9 +1,9 @@
 //! The whole on any scene: `cargo run --release --example render -- SCENE.glb --out DIR`.
 //!
 //! Ambient occlusion (`--effect ao`) is written to `ao.exr` (one channel `Y`, 1 = open) and `ao.png`, indirect light
-//! (`--effect gi`) to `gi.exr` (R, G, B: outgoing radiance of one diffuse bounce) and `gi.png`, directional occlusion (`--effect
-//! do`, what white surfaces send on of a sky) to `do.exr` and `do.png`, bent normals (`--effect bent`, their x, y and z, in the
-//! PNG from -1 to 1) to `bent.exr` and `bent.png`, volumetric obscurance
+//! (`--effect gi`) to `gi.exr` (R, G, B: outgoing radiance of `--bounces` diffuse bounces, 1 by default) and `gi.png`, directional
+//! occlusion (`--effect do`, what white surfaces send on of a sky) to `do.exr` and `do.png`, bent normals (`--effect bent`, their x,
+//! y and z, in the PNG from -1 to 1) to `bent.exr` and `bent.png`, volumetric obscurance
 //! (`--effect vo`) to `vo.exr` and `vo.png` as ambient occlusion, soft shadows of the first light (`--effect shadow`) to
 //! `shadow.exr` and `shadow.png` (1 = lit), screen-space indirect light (`--effect ssgi`, of a white surface) to `ssgi.exr` and
 //! `ssgi.png`, and what it took to `stats.json`. `--multires` computes these three by sub-images. `--effect sg` writes
@@ -98,6 +98,10 @@ pub(crate) struct Options {
     /// the bounced z-buffer.
     #[arg(long)]
     further_rays: Option<f32>,
+    /// How often light bounces on its way to the eye, for `gi` by the bounced z-buffer: beyond 1 surfels gather light from each
+    /// other. So often in the reference too.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=16))]
+    pub(crate) bounces: u32,
     /// Half width of the filter's window in pixels in place of what suits the number of rays, for the bounced z-buffer.
     #[arg(long)]
     window: Option<u32>,
@@ -107,7 +111,7 @@ pub(crate) struct Options {
     /// Combine occluders as if they lay independently of each other, for splatting.
     #[arg(long)]
     independent: bool,
-    /// Surfels that there is room for, for splatting.
+    /// Surfels that there is room for, for splatting and for more than one bounce.
     #[arg(long, default_value_t = 4_000_000)]
     surfels: u32,
     /// Pieces of triangles that there is room for; if left out, as many as the scene comes to, if the device can hold them.
@@ -174,6 +178,9 @@ pub(crate) fn draw(gpu: &Gpu, options: &Options, scene: &Scene, shot: &Shot) -> 
     std::fs::create_dir_all(&options.out).map_err(|e| format!("{}: {e}", options.out.display()))?;
     if options.effect == "sg" {
         return hull::render(gpu, options, scene, shot);
+    }
+    if options.bounces > 1 && !options.gi() {
+        return Err("--bounces is for --effect gi".into());
     }
     let by_sub_images = Effect::by_name(&options.effect);
     if options.multires && by_sub_images.is_none() {
@@ -314,8 +321,9 @@ fn truth(
         "gi" => {
             let materials = scene.triangle_materials();
             let albedo = shot.albedo(scene, &tracer);
-            let lights = &shot.lights;
-            let truth = tracer.one_bounce_image(&receivers, &materials, lights, rays, 1, true);
+            let (lights, how) = (&shot.lights, (rays, 1));
+            let bounces = options.bounces;
+            let truth = tracer.bounces_image(&receivers, &materials, lights, bounces, how, true);
             let sent = |(estimate, albedo): (Option<ColorEstimate>, DVec3)| {
                 estimate.map(|e| ColorEstimate {
                     mean: e.mean * albedo,

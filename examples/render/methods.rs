@@ -262,14 +262,16 @@ pub fn bounced(
         rays_per_pixel,
         counted: preset.further.is_some(),
         bent_normals: options.effect == "bent",
+        bounces: if options.gi() { options.bounces } else { 1 },
         ..RayRoom::default()
     };
+    let surfels = if room.bounces > 1 { options.surfels } else { 0 };
     let lights = &shot.lights;
     let builder = EnvironmentBuilder::new(&gpu.device).map_err(|e| e.to_string())?;
     let shown = sky::by_name(&options.sky).ok_or("no such sky")?;
     let (renderer, picture, capacity) = with_room(
         (gpu, options, &buffers),
-        0,
+        surfels,
         |capacity| {
             let mut renderer = BouncedRenderer::new(gpu, payload, capacity, size, room)?;
             if payload == Payload::Sky {
@@ -287,10 +289,11 @@ pub fn bounced(
         triangles: buffers.triangles(),
         capacity,
         counts: picture.counts,
-        surfels_made: false,
+        surfels_made: surfels > 0,
         memory_bytes: renderer.memory_bytes(),
         passes: picture.passes,
         settings: json!({
+            "bounces": room.bounces,
             "rays_per_pixel": rays_per_pixel,
             "further_rays": preset.further.map_or(0.0, |further| further.rays_per_pixel),
             "window": preset.reconstructor.radius,

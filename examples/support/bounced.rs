@@ -1,11 +1,12 @@
 //! The passes wired together for effects by the bounced z-buffer.
 
 use deep_screen_space::{
-    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Bvh, BvhBuilder,
-    Camera, CloudCapacity, Environment, EnvironmentLight, Error, GBuffer, Geometry, HitLighting,
-    HitRadiance, HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverSettings,
-    HitResolverView, Light, Payload, Primitives, RayBudget, RayBudgetInput, RayBudgetSettings,
-    RayBudgetView, Reach, Sampling, ShadedLight, Shadow, SurfelCloud, SurfelCounts, SurfelShader,
+    BounceSettings, BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer,
+    Bvh, BvhBuilder, Camera, CloudCapacity, Environment, EnvironmentLight, Error, GBuffer,
+    Geometry, HitLighting, HitRadiance, HitResolver, HitResolverDescriptor, HitResolverInput,
+    HitResolverSettings, HitResolverView, Light, Payload, Primitives, RayBudget, RayBudgetInput,
+    RayBudgetSettings, RayBudgetView, Reach, Sampling, ShadedLight, Shadow, SurfelCloud,
+    SurfelCounts, SurfelGatherer, SurfelGathererInput, SurfelSenders, SurfelShader,
     SurfelShaderInput, SurfelShaderSettings, Surfelizer, SurfelizerInput, SurfelizerSettings, wgpu,
 };
 
@@ -22,6 +23,22 @@ struct SurfelLighting {
     radiance: wgpu::Buffer,
 }
 
+/// What further bounces need besides.
+struct FurtherBounces {
+    gatherer: SurfelGatherer,
+    /// What surfels reflect of what they gathered: after each bounce the other one.
+    gathered: [wgpu::Buffer; 2],
+    /// In all, that of the pixels among them.
+    bounces: u32,
+}
+
+impl FurtherBounces {
+    /// What hits bring besides.
+    fn last(&self) -> &wgpu::Buffer {
+        &self.gathered[self.bounces as usize % 2]
+    }
+}
+
 /// What rays are traced among. Several [`Gatherer`]s may share it.
 pub struct TracedScene {
     surfelizer: Surfelizer,
@@ -29,6 +46,7 @@ pub struct TracedScene {
     builder: BvhBuilder,
     bvh: Bvh,
     surfel_lighting: Option<SurfelLighting>,
+    further_bounces: Option<FurtherBounces>,
     /// What hits are lit by, of the last update.
     lights: Vec<Light>,
     materials: Option<wgpu::Buffer>,
@@ -42,7 +60,8 @@ impl TracedScene {
         let device = &gpu.device;
         let surfelizer = Surfelizer::new(device)?;
         let cloud = surfelizer.create_cloud(device, capacity)?;
-        let surfel_lighting = if gatherer.descriptor.payload == Payload::Radiance {
+        let payload = gatherer.descriptor.payload;
+        let surfel_lighting = if matches!(payload, Payload::Radiance | Payload::LitAndGathered) {
             let shader = SurfelShader::new(device)?;
             let radiance = shader.create_radiance(device, &cloud)?;
             Some(SurfelLighting { shader, radiance })
@@ -56,10 +75,29 @@ impl TracedScene {
             surfelizer,
             cloud,
             surfel_lighting,
+            further_bounces: None,
             lights: Vec::new(),
             materials: None,
             environment: None,
         })
+    }
+
+    /// The same for light that bounces so often, 2 or more, for a gatherer that takes light from surfels besides.
+    pub fn with_bounces(
+        gpu: &Gpu,
+        gatherer: &Gatherer,
+        capacity: CloudCapacity,
+        bounces: u32,
+    ) -> Result<Self, Error> {
+        let mut scene = Self::new(gpu, gatherer, capacity)?;
+        let gatherer = SurfelGatherer::new(&gpu.device)?;
+        let room = || gatherer.create_radiance(&gpu.device, &scene.cloud);
+        scene.further_bounces = Some(FurtherBounces {
+            gathered: [room()?, room()?],
+            gatherer,
+            bounces,
+        });
+        Ok(scene)
     }
 
     fn memory_bytes(&self) -> u64 {
@@ -69,6 +107,10 @@ impl TracedScene {
                 .surfel_lighting
                 .as_ref()
                 .map_or(0, |l| l.radiance.size())
+            + self
+                .further_bounces
+                .as_ref()
+                .map_or(0, |f| f.gathered.iter().map(wgpu::Buffer::size).sum())
     }
 
     /// Makes pieces and the hierarchy over them and, where they are to shine, lights `samples` points of each surfel; a
@@ -132,8 +174,51 @@ impl TracedScene {
             });
             done?;
             passes.push(("light", ms));
+            if let Some(further) = &self.further_bounces {
+                let (ms, done) = gpu.time(|encoder| {
+                    self.bounce(
+                        gpu,
+                        encoder,
+                        &scene.materials,
+                        (further, &lighting.radiance),
+                    )
+                });
+                done?;
+                passes.push(("bounces", ms));
+            }
         }
         Ok(passes)
+    }
+}
+
+impl TracedScene {
+    /// Bounces but the pixels' own, from what surfels send anyway.
+    fn bounce(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        materials: &wgpu::Buffer,
+        (further, sent): (&FurtherBounces, &wgpu::Buffer),
+    ) -> Result<(), Error> {
+        let (device, cloud) = (&gpu.device, &self.cloud);
+        let settings = BounceSettings::in_frame(further.bounces);
+        settings.validate()?;
+        for bounce in 2..=further.bounces as usize {
+            let [to, from] = [0, 1].map(|other| &further.gathered[(bounce + other) % 2]);
+            let senders = SurfelSenders {
+                cloud,
+                bvh: &self.bvh,
+                radiance: if bounce == 2 { sent } else { from },
+            };
+            let input = SurfelGathererInput::new(senders, materials, to);
+            further
+                .gatherer
+                .record(device, encoder, &input, &settings.gatherer)?;
+            if bounce < further.bounces as usize {
+                further.gatherer.add(device, encoder, cloud, to, sent)?;
+            }
+        }
+        Ok(())
     }
 }
 
@@ -205,6 +290,16 @@ impl Gatherer {
                 materials,
                 lights: &scene.lights,
             }),
+            (Payload::LitAndGathered, Some(materials)) => {
+                let gathered = scene.further_bounces.as_ref().map(FurtherBounces::last);
+                gathered.map_or(HitRadiance::None, |gathered| HitRadiance::LitAndGathered {
+                    lighting: HitLighting {
+                        materials,
+                        lights: &scene.lights,
+                    },
+                    gathered,
+                })
+            }
             _ => scene
                 .surfel_lighting
                 .as_ref()
@@ -300,10 +395,12 @@ pub struct RayRoom {
     pub statistics: bool,
     /// Whether the picture is bent normals.
     pub bent_normals: bool,
+    /// Of light: 0 and 1 are one.
+    pub bounces: u32,
 }
 
 impl BouncedRenderer {
-    /// No surfels are made, of whatever capacity: rays meet triangles, and are lit where they do.
+    /// Rays meet triangles, and are lit where they do. No surfels are made, of whatever capacity, but for further bounces.
     pub fn new(
         gpu: &Gpu,
         payload: Payload,
@@ -316,7 +413,13 @@ impl BouncedRenderer {
             counted,
             statistics,
             bent_normals,
+            bounces,
         } = room;
+        let payload = if bounces > 1 && payload == Payload::LitRadiance {
+            Payload::LitAndGathered
+        } else {
+            payload
+        };
         let descriptor = HitResolverDescriptor {
             payload,
             sampling: Sampling::default(),
@@ -328,7 +431,11 @@ impl BouncedRenderer {
         };
         let gatherer = Gatherer::new(gpu, descriptor, size, rays_per_pixel, statistics)?;
         Ok(Self {
-            scene: TracedScene::new(gpu, &gatherer, capacity)?,
+            scene: if payload == Payload::LitAndGathered {
+                TracedScene::with_bounces(gpu, &gatherer, capacity, bounces)?
+            } else {
+                TracedScene::new(gpu, &gatherer, capacity)?
+            },
             gatherer,
         })
     }
@@ -365,14 +472,19 @@ impl BouncedRenderer {
         // What lies beyond the radius is not hit, but may be what shadows what is.
         settings.reach = Reach {
             radii: f32::INFINITY,
-            world: if self.gatherer.descriptor.payload == Payload::LitRadiance {
-                f32::INFINITY
-            } else {
-                preset.bounced.radius
+            world: match self.gatherer.descriptor.payload {
+                Payload::LitRadiance | Payload::LitAndGathered => f32::INFINITY,
+                _ => preset.bounced.radius,
             },
         };
         let (traced, gatherer) = (&mut self.scene, &mut self.gatherer);
-        let mut passes = traced.update(gpu, scene, camera, lights, (&settings, 1))?;
+        let mut samples = 1;
+        if let Some(further) = &traced.further_bounces {
+            let bounces = BounceSettings::in_frame(further.bounces);
+            settings.radius_pixels = bounces.radius_pixels;
+            samples = bounces.samples;
+        }
+        let mut passes = traced.update(gpu, scene, camera, lights, (&settings, samples))?;
         let how = (&preset.bounced, &preset.reconstructor);
         let further = preset.further.as_ref();
         passes.extend(gatherer.render(gpu, (raster, None), camera, traced, how, further)?);

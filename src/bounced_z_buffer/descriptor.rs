@@ -27,6 +27,10 @@ pub enum Payload {
     /// needed (a cloud with a capacity of 0 surfels does). Four bytes per direction; costs a ray per hit and light. Not with
     /// [`Primitives::Disks`].
     LitRadiance,
+    /// As [`LitRadiance`](Self::LitRadiance), and what the surfel at the hit reflects of light that it gathered from other surfels: more than one bounce, by a
+    /// [`SurfelGatherer`](crate::SurfelGatherer). Four bytes per direction. With [`Primitives::Triangles`] and
+    /// `Primitives::RayQuery` alone.
+    LitAndGathered,
     /// What an [`Environment`](crate::Environment) sends along the direction where nothing is hit, and nothing where something
     /// is: directional occlusion. Four bytes per direction; a ray ends at the first hit that it finds, the nearest or not. With
     /// [`BouncedDescriptor::environment`] and [`Sampling::Cosine`] alone.
@@ -40,7 +44,7 @@ impl Payload {
     }
 }
 
-/// What lights the hits of [`Payload::LitRadiance`].
+/// What lights the hits of [`Payload::LitRadiance`] and [`Payload::LitAndGathered`].
 #[derive(Clone, Copy, Debug)]
 pub struct HitLighting<'a> {
     /// A storage buffer of one or more [`Material`](crate::Material)s. An index beyond its end takes the last one; a
@@ -62,6 +66,15 @@ pub enum HitRadiance<'a> {
     Surfels(&'a Buffer),
     /// For [`Payload::LitRadiance`] lights and materials.
     Lit(HitLighting<'a>),
+    /// For [`Payload::LitAndGathered`].
+    LitAndGathered {
+        /// Lights and materials.
+        lighting: HitLighting<'a>,
+        /// A storage buffer of a [`SurfelRadiance`](crate::SurfelRadiance) for each surfel of the cloud, as the
+        /// [`SurfelGatherer`](crate::SurfelGatherer) fills it: without what surfels send of themselves and reflect straight from
+        /// the lights. What is negative or not finite counts as 0.
+        gathered: &'a Buffer,
+    },
 }
 
 /// What rays meet, as [`BouncedDescriptor::primitives`] says.
@@ -149,7 +162,8 @@ pub struct BouncedDescriptor {
     /// How directions are drawn.
     pub sampling: Sampling,
     /// Whether to count into [`BouncedView::statistics`](crate::BouncedView::statistics). Slower; for measuring. Not with
-    /// `Primitives::RayQuery`, whose steps the device does not tell.
+    /// `Primitives::RayQuery`, whose steps the device does not tell, nor with [`Payload::LitAndGathered`], which binds as many
+    /// buffers as there may be.
     pub statistics: bool,
     /// Whether pixels may have different numbers of rays: those of [`BouncedInput::pixels`](crate::BouncedInput::pixels) alone,
     /// and with [`Sampling::Cosine`] further ones where a [`RayBudget`](crate::RayBudget) puts them. Views then take 8 bytes per
@@ -168,7 +182,12 @@ pub struct BouncedDescriptor {
 impl BouncedDescriptor {
     /// Whether hits are lit where they are.
     pub(crate) fn lit(&self) -> bool {
-        self.payload == Payload::LitRadiance
+        matches!(self.payload, Payload::LitRadiance | Payload::LitAndGathered)
+    }
+
+    /// Whether hits bring what surfels gathered besides.
+    pub(crate) fn gathered(&self) -> bool {
+        self.payload == Payload::LitAndGathered
     }
 
     /// Whether rays bring an environment alone.
@@ -195,6 +214,7 @@ impl BouncedDescriptor {
         if self.lit() {
             flags.extend(["LIT", "SHADOW_RAYS"]);
         }
+        flags.extend(self.gathered().then_some("GATHERED"));
         flags.extend(self.statistics.then_some("STATISTICS"));
         flags.extend((self.sampling == Sampling::Glossy).then_some("GLOSSY"));
         flags.extend(self.counted.then_some("COUNTED"));

@@ -168,7 +168,7 @@ impl BouncedZBuffer {
             is_possible(descriptor),
             "BouncedDescriptor::primitives",
             f64::from(u8::from(descriptor.primitives != Primitives::Triangles)),
-            "Primitives::Triangles, or Instances without Payload::Radiance, or Disks without Payload::LitRadiance and Sky",
+            "Primitives::Triangles, or Instances without radiance of surfels, or Disks without hits that are lit and Payload::Sky",
         )?;
         check_setting(
             is_environment_possible(descriptor),
@@ -177,10 +177,10 @@ impl BouncedZBuffer {
             "true with Payload::Sky and Sampling::Cosine, false with Payload::Occlusion and with Sampling::Uniform",
         )?;
         check_setting(
-            !(descriptor.statistics && descriptor.primitives.by_device()),
+            can_count(descriptor),
             "BouncedDescriptor::statistics",
             f64::from(u8::from(descriptor.statistics)),
-            "false, with Primitives::RayQuery",
+            "false, with Primitives::RayQuery and Payload::LitAndGathered",
         )?;
         let kernel = |stage: Stage| -> Result<_, Error> {
             let module = shader::create(device, LABEL, source(descriptor, stage)?);
@@ -236,7 +236,7 @@ impl BouncedZBuffer {
                 4 * u64::from(words(rays_per_pixel)) * u64::from(width) * u64::from(height),
                 usage,
             )?),
-            Payload::Radiance | Payload::LitRadiance | Payload::Sky => {
+            Payload::Radiance | Payload::LitRadiance | Payload::LitAndGathered | Payload::Sky => {
                 let texture = plane(
                     device,
                     "deep-screen-space hits",
@@ -641,16 +641,27 @@ impl BouncedZBuffer {
                 check_lighting(device, &lighting, view)?;
                 Ok((None, Some(lighting)))
             }
+            (Payload::LitAndGathered, HitRadiance::LitAndGathered { lighting, gathered }) => {
+                let (cloud, _) = input.scene.cloud()?;
+                check_lighting(device, &lighting, view)?;
+                self.check_surfels(device, cloud, gathered, view)?;
+                let bound = binding::first(gathered, radiance_bytes(cloud));
+                Ok((Some(bound), Some(lighting)))
+            }
             (payload, radiance) => Err(Error::Mismatch {
                 name: "BouncedInput::radiance",
                 found: match radiance {
                     HitRadiance::None => "HitRadiance::None",
                     HitRadiance::Surfels(_) => "HitRadiance::Surfels",
                     HitRadiance::Lit(_) => "HitRadiance::Lit",
+                    HitRadiance::LitAndGathered { .. } => "HitRadiance::LitAndGathered",
                 }
                 .into(),
                 needed: match payload {
                     Payload::LitRadiance => "HitRadiance::Lit, for Payload::LitRadiance",
+                    Payload::LitAndGathered => {
+                        "HitRadiance::LitAndGathered, for Payload::LitAndGathered"
+                    }
                     _ => "HitRadiance::Surfels, for Payload::Radiance",
                 }
                 .into(),
@@ -719,10 +730,11 @@ fn check_lighting(
 /// Surfels have radiance, and triangles can be lit.
 fn is_possible(descriptor: &BouncedDescriptor) -> bool {
     match descriptor.primitives {
-        Primitives::Disks { .. } => {
-            !matches!(descriptor.payload, Payload::LitRadiance | Payload::Sky)
-        }
-        Primitives::Instances => descriptor.payload != Payload::Radiance,
+        Primitives::Disks { .. } => !descriptor.lit() && !descriptor.sky(),
+        Primitives::Instances => !matches!(
+            descriptor.payload,
+            Payload::Radiance | Payload::LitAndGathered
+        ),
         _ => true,
     }
 }
@@ -734,6 +746,11 @@ fn is_environment_possible(descriptor: &BouncedDescriptor) -> bool {
         Payload::Sky => descriptor.drawn_by_environment(),
         _ => !descriptor.environment || descriptor.sampling != Sampling::Uniform,
     }
+}
+
+/// The device does not tell its steps, and of buffers there are eight.
+fn can_count(descriptor: &BouncedDescriptor) -> bool {
+    !(descriptor.statistics && (descriptor.primitives.by_device() || descriptor.gathered()))
 }
 
 /// Words of bits per pixel.
@@ -767,6 +784,7 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
         Payload::Radiance,
         Payload::LitRadiance,
         Payload::Sky,
+        Payload::LitAndGathered,
     ];
     let traced = [
         Primitives::Triangles,
@@ -789,7 +807,7 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
                     };
                     if is_possible(&descriptor)
                         && is_environment_possible(&descriptor)
-                        && !(statistics && primitives.by_device())
+                        && can_count(&descriptor)
                     {
                         list_stages(all, &descriptor)?;
                     }
@@ -817,6 +835,7 @@ fn list_stages(all: &mut Listing<'_>, descriptor: &BouncedDescriptor) -> Result<
                 (descriptor.sky(), "sky"),
                 (descriptor.lit(), "lit"),
                 (descriptor.environment && !descriptor.sky(), "environment"),
+                (descriptor.gathered(), "gathered"),
                 (descriptor.primitives.are_disks(), "disks"),
                 (descriptor.primitives == Primitives::Instances, "instances"),
                 (descriptor.primitives.by_device(), "ray query"),

@@ -34,6 +34,7 @@ pub(crate) const FLAGS: &[&str] = &[
     "EDGES",
     "ENVIRONMENT",
     "FINER",
+    "GATHERED",
     "GIVEN",
     "GLOSSY",
     "HITS",

@@ -665,7 +665,7 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
                             _ if is_near && !counted => "hit_resolver",
                             Payload::Occlusion => "hit_resolver occlusion",
                             Payload::Sky => "hit_resolver sky",
-                            Payload::Radiance | Payload::LitRadiance => "hit_resolver radiance",
+                            _ => "hit_resolver radiance",
                         },
                         &[
                             (is_glossy, "glossy"),

@@ -83,7 +83,7 @@ impl RaySettings {
         let filter = match payload {
             Payload::Occlusion => HitResolverSettings::for_occlusion(rays_per_pixel),
             Payload::Sky => HitResolverSettings::for_environment(rays_per_pixel),
-            Payload::Radiance | Payload::LitRadiance => {
+            Payload::Radiance | Payload::LitRadiance | Payload::LitAndGathered => {
                 HitResolverSettings::for_light(rays_per_pixel)
             }
         };

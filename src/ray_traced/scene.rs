@@ -2,7 +2,10 @@
 
 use wgpu::{Buffer, CommandEncoder, Device};
 
-use super::counts::Readback;
+use super::{
+    bounces::{BouncePasses, BounceSettings, Bounces, SurfelLights},
+    counts::Readback,
+};
 use crate::{
     bounced_z_buffer::descriptor::{BouncedScene, HitLighting},
     bvh::{Bvh, BvhBuilder, Primitives},
@@ -44,7 +47,11 @@ enum Levels {
 struct OneLevel {
     surfelizer: Surfelizer,
     builder: BvhBuilder,
+    /// Where light bounces more than once.
+    bounces: Option<BouncePasses>,
     room: Option<Room>,
+    /// Over frames, that of the frame before.
+    before: Option<Room>,
     readback: Readback,
     counts: Option<SurfelCounts>,
 }
@@ -53,6 +60,7 @@ struct OneLevel {
 struct Room {
     cloud: SurfelCloud,
     bvh: Bvh,
+    lights: Option<SurfelLights>,
 }
 
 /// What one recording of a [`RayTracedScene`] works on.
@@ -111,7 +119,36 @@ impl RayTracedScene {
         compiler: impl Into<Compiler<'a>>,
         primitives: Primitives,
     ) -> Result<Self, Error> {
-        let compiler = compiler.into();
+        Self::create(compiler.into(), primitives, None)
+    }
+
+    /// The same for light that bounces more than once, for views with
+    /// [`RayTracedViewDescriptor::further_bounces`](crate::RayTracedViewDescriptor::further_bounces) and others. Its triangles
+    /// get surfels; what [`RayTracedSceneInput::cull_by`] leaves out neither sends nor hides.
+    ///
+    /// # Errors
+    /// As [`RayTracedScene::with_primitives`]; what [`BounceSettings::validate`] finds; and [`Error::Setting`] for
+    /// [`Primitives::Instances`], as there are no surfels.
+    pub fn with_bounces<'a>(
+        compiler: impl Into<Compiler<'a>>,
+        primitives: Primitives,
+        bounces: BounceSettings,
+    ) -> Result<Self, Error> {
+        let instances = primitives == Primitives::Instances;
+        check_setting(
+            !instances,
+            "RayTracedScene::with_bounces",
+            f64::from(u8::from(instances)),
+            "primitives that are a cloud's triangles",
+        )?;
+        Self::create(compiler.into(), primitives, Some(bounces))
+    }
+
+    fn create(
+        compiler: Compiler<'_>,
+        primitives: Primitives,
+        bounces: Option<BounceSettings>,
+    ) -> Result<Self, Error> {
         check_setting(
             !primitives.are_disks(),
             "RayTracedScene::with_primitives",
@@ -124,7 +161,11 @@ impl RayTracedScene {
             Levels::One(Box::new(OneLevel {
                 surfelizer: Surfelizer::new(compiler)?,
                 builder: BvhBuilder::new(compiler, primitives)?,
+                bounces: bounces
+                    .map(|bounces| BouncePasses::new(compiler, bounces))
+                    .transpose()?,
                 room: None,
+                before: None,
                 readback: Readback::default(),
                 counts: None,
             }))
@@ -191,9 +232,16 @@ impl RayTracedScene {
 
     /// GPU memory that it owns, bytes.
     pub fn memory_bytes(&self) -> u64 {
-        let bytes = |room: &Room| room.cloud.memory_bytes() + room.bvh.memory_bytes();
+        let bytes = |room: &Room| {
+            let lights = room.lights.as_ref().map_or(0, SurfelLights::memory_bytes);
+            room.cloud.memory_bytes() + room.bvh.memory_bytes() + lights
+        };
         match &self.levels {
-            Levels::One(level) => level.room.as_ref().map_or(0, bytes),
+            Levels::One(level) => [&level.room, &level.before]
+                .into_iter()
+                .flatten()
+                .map(bytes)
+                .sum(),
             Levels::Two(_, bvh) => bvh.as_ref().map_or(0, |bvh| bvh.memory_bytes()),
         }
     }
@@ -206,6 +254,14 @@ impl RayTracedScene {
                 bvh: &room.bvh,
             }),
             Levels::Two(_, bvh) => bvh.as_deref().map(BouncedScene::Instances),
+        }
+    }
+
+    /// What hits bring of further bounces.
+    pub(super) fn gathered(&self) -> Option<&Buffer> {
+        match &self.levels {
+            Levels::One(level) => level.room.as_ref()?.lights.as_ref()?.gathered(),
+            Levels::Two(..) => None,
         }
     }
 
@@ -257,17 +313,46 @@ impl OneLevel {
         if let Some(counts) = self.readback.take() {
             self.counts = Some(counts);
         }
-        self.make_room(device, input.geometry.triangles())?;
-        let Some(Room { cloud, bvh }) = &mut self.room else {
+        let over_frames = self.over_frames();
+        if over_frames {
+            std::mem::swap(&mut self.room, &mut self.before);
+        }
+        let recorded = self.record_room(device, encoder, input);
+        if over_frames && recorded.is_err() {
+            // The last frame stays.
+            std::mem::swap(&mut self.room, &mut self.before);
+        }
+        recorded
+    }
+
+    fn over_frames(&self) -> bool {
+        let bounces = self.bounces.as_ref();
+        bounces.is_some_and(|passes| passes.settings.bounces == Bounces::OverFrames)
+    }
+
+    fn record_room(
+        &mut self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        input: &RayTracedSceneInput<'_>,
+    ) -> Result<(), Error> {
+        self.make_room(device, input)?;
+        let Some(Room { cloud, bvh, lights }) = &mut self.room else {
             return Ok(());
         };
+        let settings = self.bounces.as_ref().map_or(
+            SurfelizerSettings {
+                density: f32::INFINITY,
+                ..SurfelizerSettings::default()
+            },
+            |passes| passes.settings.surfelizer(),
+        );
         let settings = SurfelizerSettings {
-            density: f32::INFINITY,
             reach: Reach {
                 radii: f32::INFINITY,
                 world: input.reach,
             },
-            ..SurfelizerSettings::default()
+            ..settings
         };
         let surfelize = SurfelizerInput {
             geometry: input.geometry,
@@ -279,54 +364,97 @@ impl OneLevel {
             .record(device, encoder, &surfelize, &settings, cloud)?;
         self.builder.record(device, encoder, cloud, bvh, None)?;
         self.readback.record(device, encoder, cloud.counters());
+        if let (Some(passes), Some(lights), Some(lighting)) =
+            (&self.bounces, lights, &input.lighting)
+        {
+            let lit = |room: &'_ Room| room.lights.as_ref().is_some_and(|l| l.gathered().is_some());
+            let before = self.before.as_ref().filter(|room| lit(room));
+            let before =
+                before.and_then(|room| Some((&room.cloud, &room.bvh, room.lights.as_ref()?)));
+            let room = (&*cloud, &*bvh, lights);
+            passes.record(device, encoder, room, before, lighting)?;
+        }
         Ok(())
     }
 
-    /// Replaces the room where it is too small for so many triangles, or was by the last counts.
-    fn make_room(&mut self, device: &Device, triangles: u32) -> Result<(), Error> {
+    /// Replaces the room where it is too small for the triangles, or was by the last counts.
+    fn make_room(&mut self, device: &Device, input: &RayTracedSceneInput<'_>) -> Result<(), Error> {
         let most = CloudCapacity::largest(&device.limits());
         let had = self.room.as_ref().map(|room| room.cloud.capacity());
-        let asked = self.counts.map_or(0, |counts| {
-            // Those that were merged asked for room too.
-            counts.pieces.saturating_add(counts.merged)
-        });
-        let Some(capacity) = grown(had, triangles, asked, most) else {
+        let triangles = input.geometry.triangles();
+        let asked = CloudCapacity {
+            surfels: self.bounces.as_ref().map_or(0, |passes| {
+                let guessed = guessed_surfels(&passes.settings, input);
+                self.counts
+                    .map_or(guessed, |counts| counts.surfels.max(triangles))
+            }),
+            pieces: self.counts.map_or(0, |counts| {
+                // Those that were merged asked for room too.
+                counts.pieces.saturating_add(counts.merged)
+            }),
+            triangles,
+        };
+        let Some(capacity) = grown(had, asked, most) else {
             return Ok(());
         };
         let cloud = self.surfelizer.create_cloud(device, capacity)?;
         let bvh = self.builder.create(device, &cloud)?;
-        self.room = Some(Room { cloud, bvh });
+        let lights = self.bounces.as_ref();
+        let lights = lights
+            .map(|passes| passes.create(device, &cloud))
+            .transpose()?;
+        self.room = Some(Room { cloud, bvh, lights });
         // Of other room these tell nothing.
         self.counts = None;
         Ok(())
     }
 }
 
-/// The room that so many triangles and pieces need, where what there is does not do and the device can bind more. Triangles
-/// beyond what it can bind are asked for all the same, and refused.
+/// Surfels of a scene before any were counted: one a triangle, and as many as cover the camera's picture four times.
+fn guessed_surfels(settings: &BounceSettings, input: &RayTracedSceneInput<'_>) -> u32 {
+    let viewport = input.camera.viewport();
+    let pixels = f64::from(viewport.width) * f64::from(viewport.height);
+    let each = std::f64::consts::PI * f64::from(settings.radius_pixels).powi(2);
+    let seen = 4.0 * pixels / each;
+    input.geometry.triangles().saturating_add(seen as u32)
+}
+
+/// The room that this takes, where what there is does not do and the device can bind more. Triangles beyond what it can bind are
+/// asked for all the same, and refused.
 fn grown(
     had: Option<CloudCapacity>,
-    triangles: u32,
-    pieces: u32,
+    asked: CloudCapacity,
     most: CloudCapacity,
 ) -> Option<CloudCapacity> {
-    let (had_triangles, had_pieces) = had.map_or((0, 0), |had| (had.triangles, had.pieces));
-    // More than a device can bind is never there: it is merged, and counted.
-    let pieces = pieces.min(most.pieces);
-    if had.is_some() && triangles <= had_triangles && pieces <= had_pieces {
+    let none = CloudCapacity {
+        surfels: 0,
+        pieces: 0,
+        triangles: 0,
+    };
+    let (triangles, before) = (asked.triangles, had.unwrap_or(none));
+    // More than a device can bind is never there: it is merged or left out, and counted.
+    let pieces = asked.pieces.min(most.pieces);
+    let surfels = asked.surfels.min(most.surfels);
+    let fits =
+        triangles <= before.triangles && pieces <= before.pieces && surfels <= before.surfels;
+    if had.is_some() && fits {
         return None;
     }
     // A quarter more than is needed, so that a scene which grows does not ask each frame.
     let ample = |needed: u32| needed.saturating_add(needed / 4).max(256);
     Some(CloudCapacity {
-        surfels: 0,
+        surfels: if asked.surfels == 0 {
+            0
+        } else {
+            ample(surfels).min(most.surfels).max(before.surfels)
+        },
         pieces: ample(triangles.max(pieces))
             .min(most.pieces)
-            .max(had_pieces),
+            .max(before.pieces),
         triangles: ample(triangles)
             .min(most.triangles)
             .max(triangles)
-            .max(had_triangles),
+            .max(before.triangles),
     })
 }
 
@@ -337,27 +465,37 @@ mod tests {
     #[test]
     fn room_grows_up_to_what_a_device_binds() {
         let most = CloudCapacity {
-            surfels: 0,
+            surfels: 700,
             pieces: 5000,
             triangles: 9000,
         };
-        let first = grown(None, 0, 0, most).expect("some room");
-        assert!(first.pieces > 0 && first.triangles > 0);
-        assert_eq!(
-            grown(Some(first), first.triangles, first.pieces, most),
-            None
-        );
-        let more = grown(Some(first), 1000, 0, most).expect("more");
+        let grown = |had, surfels, triangles, pieces| {
+            let asked = CloudCapacity {
+                surfels,
+                pieces,
+                triangles,
+            };
+            grown(had, asked, most)
+        };
+        let first = grown(None, 0, 0, 0).expect("some room");
+        assert!(first.pieces > 0 && first.triangles > 0 && first.surfels == 0);
+        assert_eq!(grown(Some(first), 0, first.triangles, first.pieces), None);
+        let more = grown(Some(first), 0, 1000, 0).expect("more");
         assert!(more.triangles > 1000 && more.pieces > 1000);
-        let parts = grown(Some(more), 1000, 3000, most).expect("more");
+        let parts = grown(Some(more), 0, 1000, 3000).expect("more");
         assert!(parts.pieces >= 3000);
         // What cannot be had is asked for once.
-        let all = grown(Some(parts), 1000, u32::MAX, most).expect("more");
+        let all = grown(Some(parts), 0, 1000, u32::MAX).expect("more");
         assert_eq!(all.pieces, most.pieces);
-        assert_eq!(grown(Some(all), 1000, u32::MAX, most), None);
+        assert_eq!(grown(Some(all), 0, 1000, u32::MAX), None);
         assert_eq!(
-            grown(Some(all), 9001, 0, most).map(|c| c.triangles),
+            grown(Some(all), 0, 9001, 0).map(|c| c.triangles),
             Some(9001)
         );
+        let surfels = grown(Some(all), 300, 1000, 0).expect("more");
+        assert!(surfels.surfels > 300 && surfels.pieces == all.pieces);
+        let surfels = grown(Some(surfels), u32::MAX, 1000, 0).expect("more");
+        assert_eq!(surfels.surfels, most.surfels);
+        assert_eq!(grown(Some(surfels), u32::MAX, 1000, 0), None);
     }
 }

@@ -55,13 +55,14 @@ pub enum RayTracedEffect {
         /// The distance beyond which nothing occludes, world units, ≥ 0; `f32::INFINITY` for none.
         radius: f32,
     },
-    /// Reflected radiance, W/(m² sr), of one diffuse bounce: albedo times what arrives from lit surfaces. The G-buffer has
-    /// albedo.
+    /// Reflected radiance, W/(m² sr), of one diffuse bounce, or of [more](RayTracedViewDescriptor::further_bounces): albedo times
+    /// what arrives from lit surfaces. The G-buffer has albedo.
     IndirectDiffuse {
         /// What arrives from where nothing is, linear RGB, W/(m² sr).
         sky_radiance: [f32; 3],
     },
-    /// Reflected radiance, W/(m² sr), of one glossy bounce. The G-buffer has roughness.
+    /// Reflected radiance, W/(m² sr), of one glossy bounce, or of [more](RayTracedViewDescriptor::further_bounces), of which the
+    /// others are diffuse. The G-buffer has roughness.
     IndirectSpecular {
         /// What arrives from where nothing is, linear RGB, W/(m² sr).
         sky_radiance: [f32; 3],
@@ -75,6 +76,14 @@ impl RayTracedEffect {
             Self::AmbientOcclusion { .. } | Self::BentNormals { .. } => Payload::Occlusion,
             Self::DirectionalOcclusion { .. } => Payload::Sky,
             Self::IndirectDiffuse { .. } | Self::IndirectSpecular { .. } => Payload::LitRadiance,
+        }
+    }
+
+    /// The same, with what surfels gathered if more than one bounce is to be seen.
+    fn payload_with(&self, further_bounces: bool) -> Payload {
+        match self.payload() {
+            Payload::LitRadiance if further_bounces => Payload::LitAndGathered,
+            payload => payload,
         }
     }
 
@@ -106,6 +115,8 @@ pub struct RayTracedViewDescriptor {
     /// `sky_radiance`. So it does for [`RayTracedEffect::DirectionalOcclusion`] in any case, and it is of no use to
     /// [`RayTracedEffect::AmbientOcclusion`] and [`RayTracedEffect::BentNormals`].
     pub environment: bool,
+    /// Whether indirect light has the further bounces that the scene was [made for](RayTracedScene::with_bounces).
+    pub further_bounces: bool,
     /// How frames are joined, if they are: each then has rays of its own, and few are enough.
     pub temporal: Option<TemporalSettings>,
     /// Format of the caller's texture: any colour format of floats that can be rendered to.
@@ -127,6 +138,7 @@ impl RayTracedViewDescriptor {
             },
             primitives: Primitives::default(),
             environment: false,
+            further_bounces: false,
             temporal: None,
             target,
         }
@@ -230,14 +242,21 @@ impl RayTracedView {
             rays,
             primitives,
             environment,
+            further_bounces,
             temporal,
             target,
         } = *descriptor;
         let bent_normals = matches!(effect, RayTracedEffect::BentNormals { .. });
         screen::check_format(device, "RayTracedView target", target)?;
         check_rays(&effect, &rays)?;
+        check_setting(
+            !further_bounces || effect.payload() == Payload::LitRadiance,
+            "RayTracedViewDescriptor::further_bounces",
+            f64::from(u8::from(further_bounces)),
+            "true for indirect light alone",
+        )?;
         let tracer = BouncedDescriptor {
-            payload: effect.payload(),
+            payload: effect.payload_with(further_bounces),
             sampling: effect.sampling(),
             primitives,
             counted: rays.further.is_some(),
@@ -342,6 +361,7 @@ impl RayTracedView {
         traced.check_primitives(self.tracer.descriptor().primitives)?;
         traced.last()?;
         self.check(scene, input)?;
+        let payload = self.payload();
         self.make_room(device, input.camera)?;
         let Some(room) = &mut self.room else {
             return Ok(());
@@ -355,8 +375,11 @@ impl RayTracedView {
             .record(device, encoder, &frame, &mut room.receivers)?;
         let number = self.temporal.as_ref().map_or(0, |temporal| temporal.frame);
         let met = BouncedInput {
-            radiance: match (self.effect.payload(), scene.lighting()) {
-                (Payload::LitRadiance, Some(lighting)) => HitRadiance::Lit(lighting),
+            radiance: match (payload, scene.lighting(), scene.gathered()) {
+                (Payload::LitRadiance, Some(lighting), _) => HitRadiance::Lit(lighting),
+                (Payload::LitAndGathered, Some(lighting), Some(gathered)) => {
+                    HitRadiance::LitAndGathered { lighting, gathered }
+                }
                 _ => HitRadiance::None,
             },
             environment: input.environment,
@@ -418,6 +441,10 @@ impl RayTracedView {
             + joined
     }
 
+    fn payload(&self) -> Payload {
+        self.tracer.descriptor().payload
+    }
+
     /// What the passes would find only after others were recorded.
     fn check(&self, scene: &RayTracedScene, input: &RayTracedInput<'_>) -> Result<(), Error> {
         const TARGET: &str = "RayTracedInput::target";
@@ -453,6 +480,13 @@ impl RayTracedView {
                 name: "RayTracedSceneInput::lighting",
                 found: "none".into(),
                 needed: "materials and lights, for indirect light".into(),
+            });
+        }
+        if self.payload() == Payload::LitAndGathered && scene.gathered().is_none() {
+            return Err(Error::Mismatch {
+                name: "RayTracedScene",
+                found: "one bounce of light".into(),
+                needed: "more, by RayTracedScene::with_bounces, for further_bounces".into(),
             });
         }
         screen::check_target(TARGET, &input.target, viewport, self.target)?;

@@ -180,6 +180,17 @@ pub struct Senders<'a> {
     pub radiance: &'a [SurfelRadiance],
 }
 
+/// The first surfel of each piece.
+fn surfel_offsets(pieces: &[Piece]) -> Vec<u32> {
+    let mut surfels = 0_u32;
+    let first = |piece: &Piece| {
+        let first = surfels;
+        surfels = surfels.saturating_add(1 << (piece.shape & SHAPE_ORDER));
+        first
+    };
+    pieces.iter().map(first).collect()
+}
+
 /// How many rays a pixel had, as [`BouncedView::counts`](crate::BouncedView::counts).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PixelRays {
@@ -349,37 +360,53 @@ impl Tracing<'_> {
 
     /// As [`BouncedView::radiance`](crate::BouncedView::radiance), in the order of [`directions`]; 0 for the sky.
     pub fn colors(&self, senders: &Senders<'_>) -> Vec<u32> {
-        let mut surfels = 0_u32;
-        let offsets: Vec<u32> = self
-            .pieces
-            .iter()
-            .map(|piece| {
-                let first = surfels;
-                surfels = surfels.saturating_add(1 << (piece.shape & SHAPE_ORDER));
-                first
-            })
-            .collect();
-        let incoming = |ray: &Ray, hit: Option<&Hit>| {
-            let Some(hit) = hit else {
-                return self.settings.sky_radiance;
-            };
-            let Piece {
-                corners: t, shape, ..
-            } = self.pieces[hit.piece];
-            let leaf = leaf_at(t, ray.origin + ray.direction * hit.t, shape & SHAPE_ORDER);
-            let surfel = nearest_room(
-                offsets[hit.piece] + leaf,
-                senders.counts.surfels,
-                senders.capacity.surfels,
-            );
-            let sent = senders.radiance[surfel as usize];
-            let facing = (t.b - t.a).cross(t.c - t.a).dot(ray.direction) < 0.0;
-            if facing { sent.front } else { sent.back }
+        let offsets = surfel_offsets(self.pieces);
+        let incoming = |ray: &Ray, hit: Option<&Hit>| match hit {
+            Some(hit) => self.sent_at(ray, hit, &offsets, senders),
+            None => self.settings.sky_radiance,
         };
         self.rays()
             .iter()
             .zip(self.hits())
             .map(|(ray, hit)| ray.map_or(0, |ray| pack_color(incoming(&ray, hit.as_ref()))))
+            .collect()
+    }
+
+    /// What the surfel that a hit belongs to sends back along its ray.
+    fn sent_at(&self, ray: &Ray, hit: &Hit, offsets: &[u32], senders: &Senders<'_>) -> [f32; 3] {
+        let Piece {
+            corners: t, shape, ..
+        } = self.pieces[hit.piece];
+        let leaf = leaf_at(t, ray.origin + ray.direction * hit.t, shape & SHAPE_ORDER);
+        let surfel = nearest_room(
+            offsets[hit.piece] + leaf,
+            senders.counts.surfels,
+            senders.capacity.surfels,
+        );
+        let sent = senders.radiance[surfel as usize];
+        let facing = (t.b - t.a).cross(t.c - t.a).dot(ray.direction) < 0.0;
+        if facing { sent.front } else { sent.back }
+    }
+
+    /// The same with [`Payload::LitAndGathered`](crate::Payload::LitAndGathered): colours not yet packed.
+    pub fn lit_and_gathered(
+        &self,
+        materials: &[Material],
+        lights: &[Light],
+        senders: &Senders<'_>,
+    ) -> Vec<DVec3> {
+        let offsets = surfel_offsets(self.pieces);
+        self.rays()
+            .iter()
+            .zip(self.hits())
+            .zip(self.lit(materials, lights))
+            .map(|((ray, hit), lit)| match (ray, hit) {
+                (Some(ray), Some(hit)) => {
+                    let gathered = sanitize(self.sent_at(ray, &hit, &offsets, senders));
+                    (lit + gathered).min(DVec3::splat(BRIGHTEST))
+                }
+                _ => lit,
+            })
             .collect()
     }
 

@@ -12,6 +12,7 @@
 
 mod ambient_occlusion;
 mod bent_normal;
+mod bounces;
 mod environment;
 mod hemisphere;
 mod one_bounce;

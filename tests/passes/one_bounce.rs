@@ -294,6 +294,18 @@ fn sphere_lit_from_its_centre_is_uniform() {
         // Flat faces lie up to 1 - cos(pi/128) nearer than the sphere: 3e-4 of the radius, 6e-4 of the irradiance.
         let off = ((found.mean - expected) / expected).abs().max_element();
         assert!(off < 1e-3, "{position}: {found:?}, expected {expected}");
+        // Each further bounce has albedo times the one before.
+        let albedo = DVec3::new(0.25, 0.5, 0.75);
+        for (bounces, share) in [
+            (0, DVec3::ZERO),
+            (1, DVec3::ONE),
+            (3, DVec3::ONE + albedo + albedo * albedo),
+        ] {
+            let how = (bounces, (2000, 3));
+            let found = tracer.bounces(&receiver, &mesh.materials, &[light], how.0, how.1);
+            let off = (found.mean - expected * share).abs().max_element();
+            assert!(off <= 1e-3 * expected.max_element(), "{bounces}: {found:?}");
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! The passes together: whole pictures against ray tracing, extremes, misuse, and what is drawn at random.
 
+mod bounces;
 mod extremes;
 mod frames;
 mod fuzz;

@@ -80,9 +80,29 @@ impl Hemisphere {
     /// Takes the unit square to directions, with an area in the square becoming that share of the
     /// cosine-weighted hemisphere: first to the unit disk, then straight up to the dome.
     fn direction(&self, square: DVec2) -> DVec3 {
-        let disk = concentric_disk(square);
-        let height = (1.0 - disk.length_squared()).max(0.0).sqrt();
-        self.to_scene * disk.extend(height)
+        self.to_scene * on_dome(square)
+    }
+}
+
+/// The unit square to the cosine-weighted hemisphere about z.
+fn on_dome(square: DVec2) -> DVec3 {
+    let disk = concentric_disk(square);
+    let height = (1.0 - disk.length_squared()).max(0.0).sqrt();
+    disk.extend(height)
+}
+
+/// Random directions about unit normals, by the cosine.
+pub(super) struct Scatter(SplitMix64);
+
+impl Scatter {
+    pub(super) fn new(seed: u64) -> Self {
+        // Not the numbers of the hemisphere of the same seed.
+        Self(SplitMix64(!seed))
+    }
+
+    pub(super) fn direction(&mut self, normal: DVec3) -> DVec3 {
+        let (tangent, bitangent) = normal.any_orthonormal_pair();
+        DMat3::from_cols(tangent, bitangent, normal) * on_dome(self.0.next_vec2())
     }
 }
 

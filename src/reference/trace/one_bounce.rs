@@ -131,11 +131,26 @@ impl Tracer {
         materials: &[Material],
         lights: &[Light],
     ) -> DVec3 {
-        let Some((hit, triangle)) = self.nearest(origin, direction, 0.0, f64::INFINITY) else {
-            return DVec3::ZERO;
-        };
+        let met = self.sent_along(origin, direction, materials, lights);
+        met.map_or(DVec3::ZERO, |met| met.radiance)
+    }
+
+    /// The same, with what it takes to go on from there; `None` where a ray meets nothing.
+    pub(super) fn sent_along(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        materials: &[Material],
+        lights: &[Light],
+    ) -> Option<Sent> {
+        let (hit, triangle) = self.nearest(origin, direction, 0.0, f64::INFINITY)?;
         let Some(material) = materials.get(hit.triangle) else {
-            return DVec3::NAN;
+            return Some(Sent {
+                radiance: DVec3::NAN,
+                albedo: DVec3::NAN,
+                start: origin,
+                normal: -direction,
+            });
         };
         let color = |c: [f32; 3]| DVec3::from(c.map(f64::from));
         let normal = triangle.normal();
@@ -149,6 +164,23 @@ impl Tracer {
         // The hit lies on its surface as well as f64 knows it.
         let place = triangle.at(&hit);
         let start = place + normal * self.epsilon();
-        emission + self.direct_from(start, place, normal, color(material.albedo), lights)
+        let albedo = color(material.albedo);
+        Some(Sent {
+            radiance: emission + self.direct_from(start, place, normal, albedo, lights),
+            albedo,
+            start,
+            normal,
+        })
     }
+}
+
+/// A surface that a ray met.
+pub(super) struct Sent {
+    /// What it sends of itself and reflects straight from lights.
+    pub(super) radiance: DVec3,
+    pub(super) albedo: DVec3,
+    /// Where rays start from it.
+    pub(super) start: DVec3,
+    /// Its unit normal, on the side of the ray.
+    pub(super) normal: DVec3,
 }

@@ -51,6 +51,7 @@ fn descriptor(case: &mut Case<'_>) -> BouncedDescriptor {
         pieces(Payload::Radiance, Sampling::Glossy),
         pieces(Payload::LitRadiance, Sampling::Cosine),
         pieces(Payload::LitRadiance, Sampling::Glossy),
+        pieces(Payload::LitAndGathered, Sampling::Cosine),
         disks(Payload::Occlusion, 1),
         disks(Payload::Radiance, 5),
     ];
@@ -127,8 +128,11 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         BouncedZBuffer::new(device, &descriptor)
     })?;
     let placements = [Placement::Centroid, Placement::Random, Placement::Grid];
-    let from_leaves =
-        descriptor.payload == Payload::Radiance && descriptor.primitives == Primitives::Triangles;
+    let of_surfels = matches!(
+        descriptor.payload,
+        Payload::Radiance | Payload::LitAndGathered
+    );
+    let from_leaves = of_surfels && descriptor.primitives == Primitives::Triangles;
     let accepted = if from_leaves && !case.random.breaks() {
         1
     } else {
@@ -137,12 +141,11 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let surfels = surfels::record(case, &camera, &placements[..accepted])?;
     let cloud = &surfels.cloud;
     let bounds = surfels::bvh(case, descriptor.primitives, cloud)?;
-    let is_lit = descriptor.payload == Payload::Radiance;
     let traced = (descriptor.primitives == Primitives::Triangles).then_some(&bounds);
-    let radiance = if is_lit {
-        Some(surfels::radiance(case, cloud, &camera, traced)?)
-    } else {
-        None
+    let radiance = match descriptor.payload {
+        Payload::Radiance => Some(surfels::radiance(case, cloud, &camera, traced)?),
+        Payload::LitAndGathered => Some(surfels::gathered(case, cloud, &camera, &bounds)?),
+        _ => None,
     };
     let materials = inputs::materials(case);
     let count = case.random.count(0, 16).min(40);
@@ -164,14 +167,20 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let room = settings.rays_per_pixel.max(case.random.count(0, 64));
     let view = tracer.create_view(device, viewport.width, viewport.height, room);
     let view = case.accept(view)?;
-    let lit = HitRadiance::Lit(HitLighting {
+    let lighting = HitLighting {
         materials: &materials,
         lights: &lights,
-    });
+    };
     let radiance = if case.random.breaks() {
         HitRadiance::None
     } else {
-        radiance.as_ref().map_or(lit, HitRadiance::Surfels)
+        match (&radiance, descriptor.payload) {
+            (None, _) => HitRadiance::Lit(lighting),
+            (Some(gathered), Payload::LitAndGathered) => {
+                HitRadiance::LitAndGathered { lighting, gathered }
+            }
+            (Some(radiance), _) => HitRadiance::Surfels(radiance),
+        }
     };
     let gbuffer = GBuffer {
         roughness,

@@ -5,8 +5,9 @@ use std::rc::Rc;
 use deep_screen_space::{
     Bvh, BvhBuilder, Camera, CloudCapacity, Geometry, IndexFormat, Indices, Instances, Mesh,
     Placement, PositionFormat, Primitives, Reach, ShadedLight, Shadow, ShadowMap, SurfelCloud,
-    SurfelShader, SurfelShaderInput, SurfelShaderSettings, Surfelizer, SurfelizerInput,
-    SurfelizerSettings, TransformFormat, Vertices,
+    SurfelGatherer, SurfelGathererInput, SurfelGathererSettings, SurfelSenders, SurfelShader,
+    SurfelShaderInput, SurfelShaderSettings, Surfelizer, SurfelizerInput, SurfelizerSettings,
+    TransformFormat, Vertices,
     wgpu::{Buffer, BufferUsages},
 };
 
@@ -237,6 +238,41 @@ pub fn radiance(
     case.accept(done)?;
     case.buffer("radiance", &radiance, Kind::Floats);
     Some(radiance)
+}
+
+/// What surfels reflect of what they gather from each other.
+pub fn gathered(
+    case: &mut Case<'_>,
+    cloud: &SurfelCloud,
+    camera: &Camera,
+    bvh: &Bvh,
+) -> Option<Buffer> {
+    let sent = radiance(case, cloud, camera, Some(bvh))?;
+    let gatherer: Rc<SurfelGatherer> = case.once("", |device| SurfelGatherer::new(device))?;
+    let gathered = gatherer.create_radiance(case.device(), cloud);
+    let gathered = case.accept(gathered)?;
+    let materials = inputs::materials(case);
+    let settings = SurfelGathererSettings {
+        rays_per_surfel: case.random.count(1, 64),
+        backs: case.random.chance(0.5),
+        most_albedo: case.random.scale(0.0, 1.0),
+        sky_radiance: std::array::from_fn(|_| case.random.scale(0.0, 1e18)),
+        frame: case.random.count(0, 1 << 20),
+    };
+    case.note("surfel gatherer", settings);
+    let senders = SurfelSenders {
+        cloud,
+        bvh,
+        radiance: &sent,
+    };
+    let input = SurfelGathererInput {
+        timestamps: case.timestamps(),
+        ..SurfelGathererInput::new(senders, &materials, &gathered)
+    };
+    let done = gatherer.record(case.device(), &mut case.encoder, &input, &settings);
+    case.accept(done)?;
+    case.buffer("gathered", &gathered, Kind::Floats);
+    Some(gathered)
 }
 
 /// A shadow map of one layer.

@@ -1,0 +1,333 @@
+//! Further bounces of light: surfels gather what others send (`wgsl/surfel_gatherer.wgsl`).
+
+pub(crate) mod params;
+pub(crate) mod settings;
+
+use wgpu::{Buffer, BufferUsages, CommandEncoder, ComputePipeline, Device, PipelineCache};
+
+use self::{params::SurfelGathererParams, settings::SurfelGathererSettings};
+use crate::{
+    bvh::{Bvh, Primitives},
+    effect::Listing,
+    error::{Error, check_limit, check_setting},
+    geometry::Material,
+    gpu::compiler::Compiler,
+    gpu::{
+        Kernel, Timestamps,
+        binding::{self, Layout, Named, whole},
+        check_timestamps, compute_pass, shader, storage,
+        uniforms::Uniforms,
+    },
+    surfel::{Placement, SurfelCloud},
+    surfel_shader::radiance_bytes,
+};
+
+const SOURCE: &str = include_str!("../../wgsl/surfel_gatherer.wgsl");
+
+const LABEL: &str = "deep-screen-space surfel gatherer";
+
+/// Brings light on by one bounce: fills a buffer with what each of a cloud's surfels reflects, from its front and its back, of
+/// the light that it gathers from others along rays of its own. A [`SurfelShader`](crate::SurfelShader), or the caller, says
+/// what these send.
+///
+/// With L₀ for what surfels send of themselves and reflect straight from lights, one recording from L₀ gives A L₀, the light of
+/// one further bounce. [`SurfelGatherer::add`] makes L₁ = L₀ + A L₀ of it, of which the next recording gives that of two, and so
+/// on: n further bounces are n recordings. From what the surfels of the last frame sent one recording per frame gives ever more
+/// bounces. [`Payload::LitAndGathered`](crate::Payload::LitAndGathered) shows A L to pixels, whose hits find L₀ on their own, and
+/// [`Payload::Radiance`](crate::Payload::Radiance) L itself.
+///
+/// Surfels behind the camera, hidden and in shadow gather as others do; what the cloud was culled of neither sends nor hides.
+///
+/// Holds pipelines only; one serves any number of clouds.
+#[derive(Debug)]
+pub struct SurfelGatherer {
+    gather: Stage,
+    /// Where the device traces rays itself.
+    #[cfg(feature = "ray-query")]
+    by_device: Option<Stage>,
+    add: Stage,
+    uniforms: Uniforms,
+}
+
+#[derive(Debug)]
+struct Stage {
+    layout: Layout,
+    pipeline: ComputePipeline,
+}
+
+/// What rays from surfels meet, and what that sends.
+#[derive(Clone, Copy, Debug)]
+pub struct SurfelSenders<'a> {
+    /// A cloud whose surfels are at [`Placement::Centroid`]: that of the surfels that gather, or another of the same world, such
+    /// as that of the frame before. Recorded with [`SurfelizerSettings::density`](crate::SurfelizerSettings::density) at
+    /// infinity its pieces are the caller's triangles.
+    pub cloud: &'a SurfelCloud,
+    /// The hierarchy over its pieces, recorded since it was.
+    pub bvh: &'a Bvh,
+    /// A [`SurfelRadiance`](crate::SurfelRadiance) for each of its surfels, usage `STORAGE`. What is negative or not finite
+    /// counts as 0.
+    pub radiance: &'a Buffer,
+}
+
+/// What one recording of the [`SurfelGatherer`] works on.
+#[derive(Clone, Copy, Debug)]
+pub struct SurfelGathererInput<'a> {
+    /// The surfels that gather, at [`Placement::Centroid`].
+    pub cloud: &'a SurfelCloud,
+    /// What their rays meet.
+    pub senders: SurfelSenders<'a>,
+    /// A storage buffer of one or more [`Material`]s. An index beyond its end takes the last one; an albedo that is negative or
+    /// not finite counts as 0.
+    pub materials: &'a Buffer,
+    /// Where the result goes: a [`SurfelRadiance`](crate::SurfelRadiance) a surfel, of which the cloud's
+    /// [`SurfelCounts::stored`](crate::SurfelCounts::stored) are written. Another buffer than [`SurfelSenders::radiance`], from
+    /// [`SurfelGatherer::create_radiance`], or the caller's own with usage `STORAGE`.
+    pub radiance: &'a Buffer,
+    /// Where to write begin and end times, if anywhere.
+    pub timestamps: Option<Timestamps<'a>>,
+}
+
+impl<'a> SurfelGathererInput<'a> {
+    /// From the surfels of the same cloud, without timestamps.
+    pub fn new(senders: SurfelSenders<'a>, materials: &'a Buffer, radiance: &'a Buffer) -> Self {
+        Self {
+            cloud: senders.cloud,
+            senders,
+            materials,
+            radiance,
+            timestamps: None,
+        }
+    }
+}
+
+impl SurfelGatherer {
+    /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] where the device was made with less than that.
+    pub fn new<'a>(compiler: impl Into<Compiler<'a>>) -> Result<Self, Error> {
+        let Compiler { device, cache } = compiler.into();
+        check_limit(
+            "max_storage_buffers_per_shader_stage",
+            u64::from(device.limits().max_storage_buffers_per_shader_stage),
+            8,
+            LABEL,
+        )?;
+        let stage = |primitives, entry| Stage::new(device, primitives, entry, cache);
+        Ok(Self {
+            gather: stage(Primitives::Triangles, "gather")?,
+            #[cfg(feature = "ray-query")]
+            by_device: Primitives::RayQuery
+                .validate(device)
+                .is_ok()
+                .then(|| stage(Primitives::RayQuery, "gather"))
+                .transpose()?,
+            add: stage(Primitives::Triangles, "add")?,
+            uniforms: Uniforms::new(LABEL),
+        })
+    }
+
+    /// Room for what the surfels of a cloud send: a [`SurfelRadiance`](crate::SurfelRadiance) each (usages
+    /// `STORAGE | COPY_SRC | COPY_DST`).
+    ///
+    /// # Errors
+    /// [`Error::Limit`] where the device cannot bind as much.
+    pub fn create_radiance(&self, device: &Device, cloud: &SurfelCloud) -> Result<Buffer, Error> {
+        storage(
+            device,
+            "deep-screen-space gathered radiance",
+            radiance_bytes(cloud),
+            BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
+        )
+    }
+
+    /// Records one bounce.
+    ///
+    /// # Errors
+    /// What [`SurfelGathererSettings::validate`] finds; [`Error::Mismatch`] for a hierarchy over disks or for another cloud's
+    /// capacity; [`Error::Recording`] for clouds that were not recorded, and for a hierarchy that was not recorded from its cloud
+    /// since that was; [`Error::Setting`] for surfels that are not leaves of pieces ([`Placement::Grid`] and
+    /// [`Placement::Random`]); [`Error::Buffer`] for materials or radiance that are too small, lack a usage or are the same
+    /// buffer as another one, [`Error::Limit`] for more than the device can bind. All before anything is recorded.
+    pub fn record(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        input: &SurfelGathererInput<'_>,
+        settings: &SurfelGathererSettings,
+    ) -> Result<(), Error> {
+        settings.validate()?;
+        check_timestamps(input.timestamps)?;
+        let SurfelGathererInput { cloud, senders, .. } = *input;
+        cloud.last()?;
+        check_placement(cloud)?;
+        let (stage, traced) = self.traced(&senders)?;
+        check_placement(senders.cloud)?;
+        check_buffers(device, input)?;
+
+        let origins = [cloud.origin, senders.cloud.origin];
+        let params = SurfelGathererParams::new(settings, origins, senders.cloud.capacity);
+        let (parameters, place) = self.uniforms.upload_one(device, encoder, &params);
+        let mut resources = vec![
+            ("params", parameters.at(place)),
+            ("counters", whole(&cloud.counters)),
+            ("sources", whole(&cloud.sources)),
+            ("own_pieces", whole(&cloud.pieces)),
+            ("materials", binding::table::<Material>(input.materials)),
+            (
+                "radiance",
+                binding::first(input.radiance, radiance_bytes(cloud)),
+            ),
+            ("pieces", whole(&senders.cloud.pieces)),
+            ("surfel_offsets", whole(&senders.cloud.piece_offsets.values)),
+            (
+                "sent",
+                binding::first(senders.radiance, radiance_bytes(senders.cloud)),
+            ),
+        ];
+        resources.extend(traced);
+        stage.record(device, encoder, cloud, &resources, input.timestamps);
+        Ok(())
+    }
+
+    /// Records that what the surfels of a cloud send by `onto` becomes that and what they send by `more`, W/(m² sr) each. What is
+    /// negative or not finite counts as 0.
+    ///
+    /// # Errors
+    /// [`Error::Recording`] for a cloud that was not recorded; [`Error::Buffer`] and [`Error::Limit`] for the buffers, as
+    /// [`SurfelGatherer::record`].
+    pub fn add(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        cloud: &SurfelCloud,
+        onto: &Buffer,
+        more: &Buffer,
+    ) -> Result<(), Error> {
+        const ONTO: &str = "SurfelGatherer::add onto";
+        cloud.last()?;
+        let bytes = radiance_bytes(cloud);
+        binding::check_first(device, ONTO, onto, bytes)?;
+        binding::check_first(device, "SurfelGatherer::add more", more, bytes)?;
+        binding::check_own(ONTO, onto, [more, &cloud.counters])?;
+        let resources = [
+            ("counters", whole(&cloud.counters)),
+            ("radiance", binding::first(onto, bytes)),
+            ("added", binding::first(more, bytes)),
+        ];
+        self.add.record(device, encoder, cloud, &resources, None);
+        Ok(())
+    }
+
+    /// The stage that traces such a hierarchy, and what it binds of it.
+    fn traced<'b>(&self, senders: &SurfelSenders<'b>) -> Result<(&Stage, Vec<Named<'b>>), Error> {
+        let SurfelSenders { cloud, bvh, .. } = senders;
+        match bvh.primitives() {
+            #[cfg(feature = "ray-query")]
+            Primitives::RayQuery => {
+                let stage = self.by_device.as_ref().ok_or_else(|| Error::Feature {
+                    feature: Primitives::RayQuery.features(),
+                    why: LABEL,
+                })?;
+                Ok((stage, bvh.pieces(cloud, Primitives::RayQuery)?))
+            }
+            _ => Ok((&self.gather, bvh.pieces(cloud, Primitives::Triangles)?)),
+        }
+    }
+}
+
+impl Stage {
+    fn new(
+        device: &Device,
+        primitives: Primitives,
+        entry: &'static str,
+        cache: Option<&PipelineCache>,
+    ) -> Result<Self, Error> {
+        let module = shader::create(device, LABEL, source(primitives)?);
+        let layout = module.layout(device, &[entry]);
+        let pipeline = Kernel {
+            label: LABEL,
+            module: &module,
+            entry,
+            layouts: &[&layout.raw],
+            constants: &[],
+            cache,
+        }
+        .create(device);
+        Ok(Self { layout, pipeline })
+    }
+
+    /// One thread per surfel of a cloud.
+    fn record(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        cloud: &SurfelCloud,
+        resources: &[Named<'_>],
+        timestamps: Option<Timestamps<'_>>,
+    ) {
+        let group = self.layout.group(device, resources);
+        let mut pass = compute_pass(encoder, LABEL, timestamps);
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &group.raw, &group.offsets);
+        // As many workgroups as wrote the surfels: none for a cloud that holds none.
+        pass.dispatch_workgroups_indirect(&cloud.emission, 0);
+    }
+}
+
+fn check_placement(cloud: &SurfelCloud) -> Result<(), Error> {
+    check_setting(
+        cloud.placement == Placement::Centroid,
+        "SurfelizerSettings::placement",
+        f64::from(cloud.placement.code()),
+        "Placement::Centroid, for surfels that gather",
+    )
+}
+
+fn check_buffers(device: &Device, input: &SurfelGathererInput<'_>) -> Result<(), Error> {
+    const MATERIALS: &str = "SurfelGathererInput::materials";
+    const RADIANCE: &str = "SurfelGathererInput::radiance";
+    const SENT: &str = "SurfelSenders::radiance";
+    let SurfelGathererInput { cloud, senders, .. } = *input;
+    binding::check_table::<Material>(device, MATERIALS, input.materials)?;
+    binding::check_first(
+        device,
+        SENT,
+        senders.radiance,
+        radiance_bytes(senders.cloud),
+    )?;
+    binding::check_first(device, RADIANCE, input.radiance, radiance_bytes(cloud))?;
+    // A kernel cannot read what it writes.
+    let read = [
+        input.materials,
+        senders.radiance,
+        &cloud.counters,
+        &cloud.sources,
+        &cloud.pieces,
+        &senders.cloud.pieces,
+        &senders.cloud.piece_offsets.values,
+    ];
+    binding::check_own(RADIANCE, input.radiance, read)
+}
+
+/// Assembles the module.
+fn source(primitives: Primitives) -> Result<String, Error> {
+    let flags: &[&str] = if primitives.by_device() {
+        &["RAY_QUERY"]
+    } else {
+        &[]
+    };
+    shader::assemble("surfel_gatherer", SOURCE, flags, &[])
+}
+
+/// Every module of the pass.
+pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
+    for (primitives, name) in [
+        (Primitives::Triangles, "surfel_gatherer"),
+        #[cfg(feature = "ray-query")]
+        (Primitives::RayQuery, "surfel_gatherer ray query"),
+    ] {
+        all.add_for(primitives.features(), name, source(primitives)?);
+    }
+    Ok(())
+}

@@ -1,0 +1,315 @@
+//! Light that bounces more than once, by `RayTracedScene::with_bounces`: against as many traced bounces, over frames, and what is
+//! refused.
+
+use deep_screen_space::{
+    BounceSettings, Error, Geometry, HitLighting, Light, Primitives, Quality, RayTracedEffect,
+    RayTracedInput, RayTracedScene, RayTracedSceneInput, RayTracedView, RayTracedViewDescriptor,
+    Surfel, SurfelGathererSettings,
+    glam::DVec3,
+    reference::trace::Receiver,
+    scenes::{self, Scene},
+    wgpu::{self, TextureFormat as Format},
+};
+use support::testing::{
+    pipelines,
+    refusals::refused,
+    shot::{Shot, camera_of},
+};
+
+const DIFFUSE: RayTracedEffect = RayTracedEffect::IndirectDiffuse {
+    sky_radiance: [0.0; 3],
+};
+
+struct Stage {
+    scene: RayTracedScene,
+    view: RayTracedView,
+    shot: Shot,
+    target: wgpu::TextureView,
+}
+
+impl Stage {
+    fn new(scene: &Scene, view: usize, size: [u32; 2], bounces: BounceSettings) -> Self {
+        let gpu = pipelines::gpu();
+        let device = &gpu.device;
+        let descriptor = RayTracedViewDescriptor {
+            further_bounces: true,
+            ..RayTracedViewDescriptor::new(DIFFUSE, Quality::Balanced, Format::Rgba32Float)
+        };
+        Self {
+            scene: RayTracedScene::with_bounces(device, Primitives::Triangles, bounces)
+                .expect("pipelines"),
+            view: RayTracedView::new(device, &descriptor).expect("pipelines"),
+            shot: Shot::new(gpu, scene, &camera_of(scene, view, size)),
+            target: gpu.target(Format::Rgba32Float, size[0], size[1]),
+        }
+    }
+
+    fn record(&mut self, lights: &[Light]) -> Result<(), Error> {
+        let gpu = pipelines::gpu();
+        let mut encoder = gpu.encoder();
+        let meshes = self.shot.buffers.meshes();
+        let input = RayTracedSceneInput {
+            lighting: Some(HitLighting {
+                materials: &self.shot.buffers.materials,
+                lights,
+            }),
+            ..RayTracedSceneInput::new(Geometry { meshes: &meshes }, &self.shot.camera)
+        };
+        self.scene.record(&gpu.device, &mut encoder, &input)?;
+        let input = RayTracedInput::new(
+            self.shot.lit_gbuffer(),
+            &self.shot.camera,
+            self.target.texture(),
+        );
+        self.view
+            .record(&gpu.device, &mut encoder, &self.scene, &input)?;
+        gpu.finish(encoder);
+        Ok(())
+    }
+
+    /// The first frame that is known to have had all the room that it needs.
+    fn settled(&mut self, lights: &[Light]) -> Vec<DVec3> {
+        self.frame(lights);
+        for _ in 0..4 {
+            let picture = self.frame(lights);
+            let counts = self.scene.counts();
+            if counts.is_some_and(|c| c.overflow() == 0 && c.merged == 0) {
+                return picture;
+            }
+        }
+        panic!("no room after {:?}", self.scene.counts());
+    }
+
+    fn frame(&mut self, lights: &[Light]) -> Vec<DVec3> {
+        self.record(lights).expect("a picture");
+        let texels: Vec<[f32; 4]> = pipelines::gpu().read_texture(self.target.texture(), 0);
+        let color = |t: [f32; 4]| DVec3::new(t[0].into(), t[1].into(), t[2].into());
+        texels.into_iter().map(color).collect()
+    }
+
+    /// The root mean square of how far a picture is off so many traced bounces, in units of their mean, with the tracer's own
+    /// noise taken out, and by how much the mean is off.
+    fn off(
+        &self,
+        (scene, lights): (&Scene, &[Light]),
+        picture: &[DVec3],
+        bounces: u32,
+        rays: u32,
+    ) -> (f64, f64) {
+        let pixels = &self.shot.pixels;
+        let receivers: Vec<Option<Receiver>> =
+            pixels.iter().map(|p| p.map(|p| p.receiver)).collect();
+        let materials = scene.triangle_materials();
+        let truth = self.shot.tracer.bounces_image(
+            &receivers,
+            &materials,
+            lights,
+            bounces,
+            (rays, 1),
+            false,
+        );
+        let (mut squares, mut noise, mut sum, mut found, mut n) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for ((truth, pixel), color) in truth.iter().zip(pixels).zip(picture) {
+            let (Some(truth), Some(pixel)) = (truth, pixel) else {
+                continue;
+            };
+            let albedo = DVec3::from(materials[pixel.triangle].albedo.map(f64::from));
+            squares += (*color - albedo * truth.mean).length_squared() / 3.0;
+            noise += (albedo * truth.standard_error).length_squared() / 3.0;
+            sum += (albedo * truth.mean).element_sum() / 3.0;
+            found += color.element_sum() / 3.0;
+            n += 1.0;
+        }
+        let mean = sum / n;
+        let rmse = ((squares - noise).max(0.0) / n).sqrt() / mean;
+        (rmse, found / sum - 1.0)
+    }
+}
+
+/// A lamp below the scene's own, which does not shine.
+fn lamp_lit(mut scene: Scene) -> (Scene, Vec<Light>) {
+    for material in &mut scene.materials {
+        material.emission = [0.0; 3];
+    }
+    let light = match scene.name {
+        "cornell" => Light::Point {
+            position: DVec3::new(0.0, 4.5, 0.0),
+            intensity: [40.0, 30.0, 15.0],
+        },
+        _ => Light::Point {
+            position: DVec3::new(0.0, 2.3, 0.0),
+            intensity: [8.0, 7.5, 6.0],
+        },
+    };
+    (scene, vec![light])
+}
+
+/// Three bounces of `balanced` in closed scenes that a light shines in: at most 0.15 of their mean. Measured 0.100 and 0.078;
+/// one bounce is 0.094 off in either. On another driver rays are the same but for rounding.
+#[test]
+fn three_bounces_are_those_traced() {
+    for (name, size, rays) in [("cornell", [96, 64], 128), ("closed_room", [48, 32], 256)] {
+        let (scene, lights) = lamp_lit(scenes::by_name(name).expect("a scene"));
+        let mut stage = Stage::new(&scene, 0, size, BounceSettings::in_frame(3));
+        let picture = stage.settled(&lights);
+        let (rmse, bias) = stage.off((&scene, &lights), &picture, 3, rays);
+        let (one, _) = stage.off((&scene, &lights), &picture, 1, 16);
+        println!("{name}: {rmse:.3} (bias {bias:+.3}) off three bounces, {one:.3} off one");
+        assert!(rmse <= 0.15, "{name}: {rmse}");
+        assert!(bias.abs() <= 0.05, "{name}: {bias}");
+        assert!(one > 0.3, "{name}: {one} off one bounce");
+    }
+}
+
+/// One recording per frame of what surfels sent in the last one is as many in one frame, a bounce later each frame.
+#[test]
+fn bounces_come_and_go_over_frames() {
+    let (scene, lights) = lamp_lit(scenes::cornell());
+    let size = [24, 16];
+    let gatherer = SurfelGathererSettings {
+        most_albedo: 0.5,
+        ..SurfelGathererSettings::default()
+    };
+    let over_frames = BounceSettings {
+        gatherer,
+        ..BounceSettings::over_frames()
+    };
+    let mut stage = Stage::new(&scene, 0, size, over_frames);
+    let mut last = Vec::new();
+    for frame in 1..=4 {
+        last = stage.frame(&lights);
+        if frame == 3 {
+            let in_frame = BounceSettings {
+                gatherer,
+                ..BounceSettings::in_frame(frame + 1)
+            };
+            let together = Stage::new(&scene, 0, size, in_frame).frame(&lights);
+            assert_eq!(last, together, "frame {frame}");
+        }
+    }
+    // Switched off it is gone after as many frames as are promised, and less each frame.
+    let frames = over_frames.frames_until(0.01).expect("a number");
+    assert_eq!(frames, 7);
+    let brightest = last.iter().fold(DVec3::ZERO, |a, b| a.max(*b));
+    for frame in 1..=frames {
+        let now = stage.frame(&[]);
+        let sum = |picture: &[DVec3]| picture.iter().sum::<DVec3>();
+        let (before, after) = (sum(&last), sum(&now));
+        println!("off for {frame}: {after:.5} after {before:.5}");
+        assert!(after.cmplt(before).all(), "{frame}: {after} after {before}");
+        last = now;
+    }
+    let left = last.iter().fold(DVec3::ZERO, |a, b| a.max(*b));
+    assert!(left.cmple(brightest * 0.01).all(), "{left} of {brightest}");
+    assert!(
+        left.max_element() > 0.0,
+        "nothing came over from the last frame"
+    );
+}
+
+/// Nothing, of which nothing is kept either, and what the scene was not made for.
+#[test]
+fn what_does_not_go_together_is_a_typed_error() {
+    let gpu = pipelines::gpu();
+    let device = &gpu.device;
+    let usual = BounceSettings::in_frame(2);
+    let made = |primitives, settings| RayTracedScene::with_bounces(device, primitives, settings);
+    for (settings, field, accepted) in [
+        (BounceSettings::in_frame(1), "Bounces::InFrame", "2 to 16"),
+        (BounceSettings::in_frame(17), "Bounces::InFrame", "2 to 16"),
+        (
+            BounceSettings {
+                radius_pixels: 0.0,
+                ..usual
+            },
+            "radius_pixels",
+            "0.05 to 1000",
+        ),
+        (
+            BounceSettings {
+                samples: 3,
+                ..usual
+            },
+            "samples",
+            "1, 2, 4",
+        ),
+        (
+            BounceSettings {
+                gatherer: SurfelGathererSettings {
+                    rays_per_surfel: 0,
+                    ..usual.gatherer
+                },
+                ..usual
+            },
+            "rays_per_surfel",
+            "1 to 64",
+        ),
+    ] {
+        refused(
+            made(Primitives::Triangles, settings),
+            "Setting",
+            field,
+            accepted,
+        );
+    }
+    refused(
+        made(Primitives::Instances, usual),
+        "Setting",
+        "RayTracedScene::with_bounces",
+        "a cloud's triangles",
+    );
+    let occlusion = RayTracedViewDescriptor {
+        further_bounces: true,
+        ..RayTracedViewDescriptor::new(
+            RayTracedEffect::AmbientOcclusion { radius: 1.0 },
+            Quality::Fast,
+            Format::R8Unorm,
+        )
+    };
+    refused(
+        RayTracedView::new(device, &occlusion),
+        "Setting",
+        "further_bounces",
+        "false",
+    );
+    // A scene of one bounce has no surfels, and nothing for such a view.
+    let (scene, lights) = lamp_lit(scenes::cornell());
+    let mut stage = Stage::new(&scene, 0, [8, 8], usual);
+    stage.record(&lights).expect("a picture");
+    let bouncing = std::mem::replace(
+        &mut stage.scene,
+        RayTracedScene::new(device).expect("pipelines"),
+    );
+    refused(
+        stage.record(&lights),
+        "Mismatch",
+        "RayTracedScene",
+        "with_bounces",
+    );
+    let surfel = size_of::<Surfel>() as u64;
+    assert!(stage.scene.memory_bytes() + 256 * surfel < bouncing.memory_bytes());
+    // Without triangles, and without light.
+    stage.scene = bouncing;
+    assert!(stage.frame(&[]).iter().all(|color| *color == DVec3::ZERO));
+    let meshes = std::mem::replace(&mut stage.shot.buffers, {
+        let empty = Scene {
+            indices: Vec::new(),
+            parts: Vec::new(),
+            ..scene
+        };
+        support::scene::SceneBuffers::new(gpu, &empty)
+    });
+    assert!(
+        stage
+            .frame(&lights)
+            .iter()
+            .all(|color| *color == DVec3::ZERO)
+    );
+    stage.shot.buffers = meshes;
+    assert!(
+        stage
+            .frame(&lights)
+            .iter()
+            .any(|color| *color != DVec3::ZERO)
+    );
+}
