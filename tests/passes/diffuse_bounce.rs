@@ -23,7 +23,11 @@ use support::{
 fn radiances(count: u32) -> Vec<SurfelRadiance> {
     let color = |i: u32| [17, 29, 43].map(|k| (i * k % 64) as f32 / 32.0);
     let of = |i: u32| SurfelRadiance {
-        front: if i % 3 == 0 { color(i) } else { [0.0; 3] },
+        front: if i.is_multiple_of(3) {
+            color(i)
+        } else {
+            [0.0; 3]
+        },
         back: if i % 3 == 2 { [0.0; 3] } else { color(i + 7) },
         ..SurfelRadiance::default()
     };
