@@ -33,21 +33,16 @@ fn bounce() -> (DiffuseBounce, Effect) {
 
 /// A quarter are black, to be left out by the light alone.
 fn options(levels: u32) -> Options {
+    let sent = |i: u32, k: u32| {
+        if i.is_multiple_of(4) {
+            0.0
+        } else {
+            (i * k % 32) as f32 / 16.0
+        }
+    };
     let of = |i: u32| SurfelRadiance {
-        front: [13, 5, 3].map(|k| {
-            if i % 4 == 0 {
-                0.0
-            } else {
-                (i * k % 32) as f32 / 16.0
-            }
-        }),
-        back: [7, 11, 9].map(|k| {
-            if i % 4 == 0 {
-                0.0
-            } else {
-                (i * k % 32) as f32 / 16.0
-            }
-        }),
+        front: [13, 5, 3].map(|k| sent(i, k)),
+        back: [7, 11, 9].map(|k| sent(i, k)),
         ..SurfelRadiance::default()
     };
     let mut options = Options::new(splat_settings(levels, 0.02));
