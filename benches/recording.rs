@@ -315,7 +315,7 @@ fn bounced(bench: &Bench, rows: &mut Rows) -> Result<(), Error> {
             let frame = decoder.record(device, encoder, &bench.frame(), &mut receivers)?;
             let input = BouncedInput {
                 radiance: match payload {
-                    Payload::Occlusion => HitRadiance::None,
+                    Payload::Occlusion | Payload::Sky => HitRadiance::None,
                     Payload::Radiance => HitRadiance::Surfels(&radiance),
                     _ => HitRadiance::Lit(HitLighting {
                         materials: &bench.buffers.materials,
