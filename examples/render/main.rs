@@ -1,9 +1,9 @@
 //! The whole on any scene: `cargo run --release --example render -- SCENE.glb --out DIR`.
 //!
 //! Ambient occlusion (`--effect ao`) is written to `ao.exr` (one channel `Y`, 1 = open) and `ao.png`, indirect light
-//! (`--effect gi`) to `gi.exr` (R, G, B: outgoing radiance of `--bounces` diffuse bounces, 1 by default) and `gi.png`, directional
-//! occlusion (`--effect do`, what white surfaces send on of a sky) to `do.exr` and `do.png`, bent normals (`--effect bent`, their x,
-//! y and z, in the PNG from -1 to 1) to `bent.exr` and `bent.png`, volumetric obscurance
+//! (`--effect gi`) to `gi.exr` (R, G, B: outgoing radiance of `--bounces` diffuse bounces, 1 by default) and `gi.png`,
+//! directional occlusion (`--effect do`, what white surfaces send on of a sky) to `do.exr` and `do.png`, bent normals
+//! (`--effect bent`, their x, y and z, in the PNG from -1 to 1) to `bent.exr` and `bent.png`, volumetric obscurance
 //! (`--effect vo`) to `vo.exr` and `vo.png` as ambient occlusion, soft shadows of the first light (`--effect shadow`) to
 //! `shadow.exr` and `shadow.png` (1 = lit), screen-space indirect light (`--effect ssgi`, of a white surface) to `ssgi.exr` and
 //! `ssgi.png`, and what it took to `stats.json`. `--multires` computes these three by sub-images. `--effect sg` writes

@@ -27,9 +27,9 @@ pub enum Payload {
     /// needed (a cloud with a capacity of 0 surfels does). Four bytes per direction; costs a ray per hit and light. Not with
     /// [`Primitives::Disks`].
     LitRadiance,
-    /// As [`LitRadiance`](Self::LitRadiance), and what the surfel at the hit reflects of light that it gathered from other surfels: more than one bounce, by a
-    /// [`SurfelGatherer`](crate::SurfelGatherer). Four bytes per direction. With [`Primitives::Triangles`] and
-    /// `Primitives::RayQuery` alone.
+    /// As [`LitRadiance`](Self::LitRadiance), and what the surfel at the hit reflects of light that it gathered from other
+    /// surfels: more than one bounce, by a [`SurfelGatherer`](crate::SurfelGatherer). Four bytes per direction. With
+    /// [`Primitives::Triangles`] and `Primitives::RayQuery` alone.
     LitAndGathered,
     /// What an [`Environment`](crate::Environment) sends along the direction where nothing is hit, and nothing where something
     /// is: directional occlusion. Four bytes per direction; a ray ends at the first hit that it finds, the nearest or not. With
