@@ -26,7 +26,8 @@ use support::testing::shot::{Shot, camera_of};
 
 /// Off by more than f32's rounding are surfels of which a ray met another one than in f64: at most `ODD` of them.
 const OFF: f64 = 1e-4;
-/// Share of surfels with such a ray: see `ODD_RAYS` of the bounced z-buffer, times the rays of both sides of a surfel.
+/// Share of surfels with such a ray: see `ODD_RAYS` of the bounced z-buffer, times the rays of both sides of a surfel. Of few
+/// surfels three may have one.
 const ODD: f64 = 0.02;
 
 const SMALL: CloudCapacity = CloudCapacity {
@@ -195,7 +196,7 @@ impl Case {
         println!("{name}: {odd} of {} differ, {lit} lit", found.len());
         assert!(lit > 0, "{name}: all is dark");
         assert!(
-            odd as f64 <= ODD * found.len() as f64,
+            odd as f64 <= (ODD * found.len() as f64).max(3.0),
             "{name}: {odd} of {} differ",
             found.len()
         );

@@ -69,9 +69,9 @@ impl Stage {
 
     /// The first frame that is known to have had all the room that it needs.
     fn settled(&mut self, lights: &[Light]) -> Vec<DVec3> {
-        let mut picture = self.frame(lights);
+        self.frame(lights);
         for _ in 0..4 {
-            picture = self.frame(lights);
+            let picture = self.frame(lights);
             let counts = self.scene.counts();
             if counts.is_some_and(|c| c.overflow() == 0 && c.merged == 0) {
                 return picture;
@@ -144,15 +144,15 @@ fn lamp_lit(mut scene: Scene) -> (Scene, Vec<Light>) {
     (scene, vec![light])
 }
 
-/// Three bounces of `balanced` in closed scenes that a light shines in: at most 0.15 of their mean. Measured 0.100 and 0.078, of
-/// which the pixels' own rays have 0.094 for one bounce; on another driver rays are the same but for rounding.
+/// Three bounces of `balanced` in closed scenes that a light shines in: at most 0.15 of their mean. Measured 0.100 and 0.078;
+/// one bounce is 0.094 off in either. On another driver rays are the same but for rounding.
 #[test]
 fn three_bounces_are_those_traced() {
-    for (name, size) in [("cornell", [96, 64]), ("closed_room", [48, 32])] {
+    for (name, size, rays) in [("cornell", [96, 64], 128), ("closed_room", [48, 32], 256)] {
         let (scene, lights) = lamp_lit(scenes::by_name(name).expect("a scene"));
         let mut stage = Stage::new(&scene, 0, size, BounceSettings::in_frame(3));
         let picture = stage.settled(&lights);
-        let (rmse, bias) = stage.off((&scene, &lights), &picture, 3, 64);
+        let (rmse, bias) = stage.off((&scene, &lights), &picture, 3, rays);
         let (one, _) = stage.off((&scene, &lights), &picture, 1, 16);
         println!("{name}: {rmse:.3} (bias {bias:+.3}) off three bounces, {one:.3} off one");
         assert!(rmse <= 0.15, "{name}: {rmse}");
@@ -178,7 +178,7 @@ fn bounces_come_and_go_over_frames() {
     let mut last = Vec::new();
     for frame in 1..=4 {
         last = stage.frame(&lights);
-        if frame == 1 || frame == 3 {
+        if frame == 3 {
             let in_frame = BounceSettings {
                 gatherer,
                 ..BounceSettings::in_frame(frame + 1)
