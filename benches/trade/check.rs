@@ -6,7 +6,7 @@ use deep_screen_space::{
 };
 
 use crate::{
-    fit::{Fitted, fit},
+    fit::{Fitted, NOTHING, fit},
     measure::{Measured, Rung},
 };
 
@@ -87,9 +87,12 @@ fn ratios<'m>(
                     .find(|c| c.method == rung.method)
                     .map(|c| c.error),
             };
+            if rung.error <= NOTHING {
+                continue;
+            }
             if let Some(predicted) = predicted {
                 let label = format!("{} {} {}", view.view, view.effect, rung.name);
-                all.push((label, predicted / rung.error.max(1e-6)));
+                all.push((label, predicted / rung.error));
             }
         }
     }
@@ -102,7 +105,11 @@ fn tell(what: &str, mut ratios: Vec<(String, f64)>) {
         .iter()
         .filter(|(_, r)| (r - 1.0).abs() <= 0.3)
         .count();
-    println!("\n{what}: {good} of {} within 30 %", ratios.len());
+    let tenth = ratios.get(ratios.len() / 10).map_or(1.0, |r| r.1);
+    println!(
+        "\n{what}: {good} of {} within 30 %; nine of ten at least {tenth:.2} of the measured",
+        ratios.len()
+    );
     let ends = ratios.iter().take(5).chain(ratios.iter().rev().take(5));
     for (label, ratio) in ends {
         println!("  {ratio:5.2} of the measured: {label}");
@@ -135,6 +142,9 @@ pub fn budgets(all: &[Measured]) {
     for view in all {
         let errors = view.rungs.iter().map(|r| r.error);
         let least = errors.clone().fold(f64::INFINITY, f64::min);
+        if least <= NOTHING {
+            continue;
+        }
         for factor in [1.2, 1.5, 2.0, 3.0] {
             let asked = factor * least;
             let Some(plan) = planned(view, Budget::Error(asked)) else {

@@ -14,6 +14,9 @@ pub struct Fitted {
     pub of_difference: f64,
 }
 
+/// An error below which there is none.
+pub const NOTHING: f64 = 1e-4;
+
 /// Errors are products: means of them are of their logarithms.
 fn mean(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0_u32), |(sum, count), value| {
@@ -27,6 +30,7 @@ pub fn fit(all: &[&Measured]) -> Vec<Fitted> {
     let mut lines = Vec::new();
     for effect in ["within", "unbounded", "light"] {
         for kind in MethodKind::ALL {
+            let cheap = if kind == MethodKind::Rays { 2 } else { 0 };
             let views: Vec<(Vec<f64>, f64)> = all
                 .iter()
                 .filter(|view| view.effect == effect)
@@ -34,13 +38,14 @@ pub fn fit(all: &[&Measured]) -> Vec<Fitted> {
                     let rungs = view.rungs.iter().filter(|rung| rung.method.kind() == kind);
                     let named = |(name, _): &&(String, f64)| *name == format!("{kind:?}");
                     let difference = view.differences.iter().find(named)?.1;
-                    Some((rungs.map(|rung| rung.error).collect(), difference))
+                    let errors: Vec<f64> = rungs.map(|rung| rung.error).collect();
+                    // Where nothing is seen to vary there is no curve.
+                    (errors[cheap] > NOTHING).then_some((errors, difference))
                 })
                 .collect();
             let Some((first, _)) = views.first() else {
                 continue;
             };
-            let cheap = if kind == MethodKind::Rays { 2 } else { 0 };
             let errors = (0..first.len())
                 .map(|i| mean(views.iter().map(|(errors, _)| errors[i] / errors[cheap])));
             lines.push(Fitted {

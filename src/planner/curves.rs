@@ -37,33 +37,33 @@ pub(super) struct Curves {
 /// Visibility within a radius.
 pub(super) const WITHIN_RADIUS: Curves = Curves {
     rays: Curve {
-        errors: &[1.45, 1.27, 1.0, 0.84, 0.72, 0.63, 0.55],
-        typical: 0.034,
-        of_difference: 1.0,
+        errors: &[1.519, 1.320, 1.0, 0.868, 0.732, 0.638, 0.562],
+        typical: 0.0268,
+        of_difference: 1.482,
     },
     splats: Some(Curve {
-        errors: &[1.0, 0.75, 0.70],
-        typical: 0.08,
-        of_difference: 1.0,
+        errors: &[1.0, 0.823, 0.783],
+        typical: 0.0701,
+        of_difference: 1.066,
     }),
     obscurance: Some(Curve {
-        errors: &[1.0, 0.9, 0.8],
-        typical: 0.12,
-        of_difference: 1.0,
+        errors: &[1.0, 0.978, 0.952],
+        typical: 0.1226,
+        of_difference: 1.031,
     }),
 };
 
 /// Visibility without a radius.
 pub(super) const UNBOUNDED: Curves = Curves {
     rays: Curve {
-        errors: &[1.52, 1.3, 1.0, 0.86, 0.72, 0.63, 0.55],
-        typical: 0.024,
-        of_difference: 1.0,
+        errors: &[1.607, 1.403, 1.0, 0.850, 0.714, 0.626, 0.558],
+        typical: 0.0255,
+        of_difference: 1.346,
     },
     splats: Some(Curve {
-        errors: &[1.0, 0.98, 0.97],
-        typical: 0.09,
-        of_difference: 1.0,
+        errors: &[1.0, 0.858, 0.830],
+        typical: 0.0756,
+        of_difference: 1.041,
     }),
     obscurance: None,
 };
@@ -71,9 +71,9 @@ pub(super) const UNBOUNDED: Curves = Curves {
 /// One diffuse bounce of light.
 pub(super) const LIGHT: Curves = Curves {
     rays: Curve {
-        errors: &[1.75, 1.35, 1.0, 0.8, 0.65, 0.53, 0.45],
-        typical: 0.25,
-        of_difference: 1.0,
+        errors: &[1.717, 1.455, 1.0, 0.826, 0.659, 0.526, 0.431],
+        typical: 0.3918,
+        of_difference: 1.149,
     },
     splats: None,
     obscurance: None,

@@ -1,6 +1,8 @@
 //! Light that bounces more than once, by `RayTracedScene::with_bounces`: against as many traced bounces, over frames, and what is
 //! refused.
 
+use std::sync::{LazyLock, Mutex, MutexGuard, PoisonError};
+
 use deep_screen_space::{
     BounceSettings, Error, Geometry, HitLighting, Light, Primitives, Quality, RayTracedEffect,
     RayTracedInput, RayTracedScene, RayTracedSceneInput, RayTracedView, RayTracedViewDescriptor,
@@ -20,26 +22,37 @@ const DIFFUSE: RayTracedEffect = RayTracedEffect::IndirectDiffuse {
     sky_radiance: [0.0; 3],
 };
 
+/// One view serves all, since drivers take long to compile what it takes.
+fn view() -> MutexGuard<'static, RayTracedView> {
+    static VIEW: LazyLock<Mutex<RayTracedView>> = LazyLock::new(|| {
+        let descriptor = RayTracedViewDescriptor {
+            further_bounces: true,
+            ..RayTracedViewDescriptor::new(DIFFUSE, Quality::Balanced, Format::Rgba32Float)
+        };
+        let view = RayTracedView::new(&pipelines::gpu().device, &descriptor);
+        Mutex::new(view.expect("pipelines"))
+    });
+    VIEW.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 struct Stage {
     scene: RayTracedScene,
-    view: RayTracedView,
     shot: Shot,
     target: wgpu::TextureView,
 }
 
 impl Stage {
-    fn new(scene: &Scene, view: usize, size: [u32; 2], bounces: BounceSettings) -> Self {
+    fn new(scene: &Scene, size: [u32; 2], bounces: BounceSettings) -> Self {
+        let device = &pipelines::gpu().device;
+        let traced = RayTracedScene::with_bounces(device, Primitives::Triangles, bounces);
+        Self::of(traced.expect("pipelines"), scene, size)
+    }
+
+    fn of(traced: RayTracedScene, scene: &Scene, size: [u32; 2]) -> Self {
         let gpu = pipelines::gpu();
-        let device = &gpu.device;
-        let descriptor = RayTracedViewDescriptor {
-            further_bounces: true,
-            ..RayTracedViewDescriptor::new(DIFFUSE, Quality::Balanced, Format::Rgba32Float)
-        };
         Self {
-            scene: RayTracedScene::with_bounces(device, Primitives::Triangles, bounces)
-                .expect("pipelines"),
-            view: RayTracedView::new(device, &descriptor).expect("pipelines"),
-            shot: Shot::new(gpu, scene, &camera_of(scene, view, size)),
+            scene: traced,
+            shot: Shot::new(gpu, scene, &camera_of(scene, 0, size)),
             target: gpu.target(Format::Rgba32Float, size[0], size[1]),
         }
     }
@@ -61,8 +74,7 @@ impl Stage {
             &self.shot.camera,
             self.target.texture(),
         );
-        self.view
-            .record(&gpu.device, &mut encoder, &self.scene, &input)?;
+        view().record(&gpu.device, &mut encoder, &self.scene, &input)?;
         gpu.finish(encoder);
         Ok(())
     }
@@ -148,9 +160,13 @@ fn lamp_lit(mut scene: Scene) -> (Scene, Vec<Light>) {
 /// one bounce is 0.094 off in either. On another driver rays are the same but for rounding.
 #[test]
 fn three_bounces_are_those_traced() {
+    let settings = BounceSettings::in_frame(3);
+    let device = &pipelines::gpu().device;
+    let traced = RayTracedScene::with_bounces(device, Primitives::Triangles, settings);
+    let mut traced = traced.expect("pipelines");
     for (name, size, rays) in [("cornell", [96, 64], 128), ("closed_room", [48, 32], 256)] {
         let (scene, lights) = lamp_lit(scenes::by_name(name).expect("a scene"));
-        let mut stage = Stage::new(&scene, 0, size, BounceSettings::in_frame(3));
+        let mut stage = Stage::of(traced, &scene, size);
         let picture = stage.settled(&lights);
         let (rmse, bias) = stage.off((&scene, &lights), &picture, 3, rays);
         let (one, _) = stage.off((&scene, &lights), &picture, 1, 16);
@@ -158,6 +174,7 @@ fn three_bounces_are_those_traced() {
         assert!(rmse <= 0.15, "{name}: {rmse}");
         assert!(bias.abs() <= 0.05, "{name}: {bias}");
         assert!(one > 0.3, "{name}: {one} off one bounce");
+        traced = stage.scene;
     }
 }
 
@@ -174,7 +191,7 @@ fn bounces_come_and_go_over_frames() {
         gatherer,
         ..BounceSettings::over_frames()
     };
-    let mut stage = Stage::new(&scene, 0, size, over_frames);
+    let mut stage = Stage::new(&scene, size, over_frames);
     let mut last = Vec::new();
     for frame in 1..=4 {
         last = stage.frame(&lights);
@@ -183,7 +200,7 @@ fn bounces_come_and_go_over_frames() {
                 gatherer,
                 ..BounceSettings::in_frame(frame + 1)
             };
-            let together = Stage::new(&scene, 0, size, in_frame).frame(&lights);
+            let together = Stage::new(&scene, size, in_frame).frame(&lights);
             assert_eq!(last, together, "frame {frame}");
         }
     }
@@ -274,7 +291,7 @@ fn what_does_not_go_together_is_a_typed_error() {
     );
     // A scene of one bounce has no surfels, and nothing for such a view.
     let (scene, lights) = lamp_lit(scenes::cornell());
-    let mut stage = Stage::new(&scene, 0, [8, 8], usual);
+    let mut stage = Stage::new(&scene, [8, 8], usual);
     stage.record(&lights).expect("a picture");
     let bouncing = std::mem::replace(
         &mut stage.scene,
