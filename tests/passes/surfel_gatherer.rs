@@ -42,6 +42,11 @@ fn gatherer() -> &'static SurfelGatherer {
     })
 }
 
+fn upload(sent: &[SurfelRadiance]) -> wgpu::Buffer {
+    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+    lab().gpu.buffer(sent, usage)
+}
+
 /// Coarse surfels on the caller's own triangles.
 fn coarse() -> SurfelizerSettings {
     SurfelizerSettings {
@@ -101,11 +106,6 @@ impl Case {
             area_root(piece.corners).powi(2) / f64::from(1 << (piece.shape & 0xfff))
         };
         self.sources.iter().map(area).collect()
-    }
-
-    fn upload(&self, sent: &[SurfelRadiance]) -> wgpu::Buffer {
-        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
-        lab().gpu.buffer(sent, usage)
     }
 
     /// What the surfels reflect of what those of another cloud send.
@@ -309,8 +309,8 @@ fn white_furnaces_glow() {
     };
     for (albedo, bounces) in [(0.5_f32, 8), (0.8, 20)] {
         let case = furnace(albedo, emission);
-        let own = case.upload(&case.emitted());
-        let mut sent = case.upload(&case.emitted());
+        let own = upload(&case.emitted());
+        let mut sent = upload(&case.emitted());
         for bounce in 1..=bounces {
             let more = case.gather(&sent, &settings);
             case.add(&more, &own);
@@ -351,7 +351,7 @@ fn energy_does_not_grow() {
         let areas = case.areas();
         let most = case.materials.iter().flat_map(|m| m.albedo);
         let most = f64::from(most.fold(0.0_f32, f32::max));
-        let mut sent = case.upload(&case.emitted());
+        let mut sent = upload(&case.emitted());
         let sums = |radiance: &[SurfelRadiance]| {
             let sides =
                 |s: &SurfelRadiance| [s.front, s.back].map(|c| DVec3::from(c.map(f64::from)));
@@ -393,13 +393,13 @@ fn extremes_are_finite() {
     let camera = camera_of(&scene, 0, [16, 16]);
     let mut case = Case::new(&scene, &camera, SMALL);
     let settings = SurfelGathererSettings::default();
-    let dark = case.upload(&vec![SurfelRadiance::default(); 1 << 13]);
+    let dark = upload(&vec![SurfelRadiance::default(); 1 << 13]);
     let bright = SurfelRadiance {
         front: [1e18, f32::INFINITY, f32::NAN],
         back: [f32::NEG_INFINITY, -1.0, 3e38],
         ..SurfelRadiance::default()
     };
-    let bright = case.upload(&vec![bright; 1 << 13]);
+    let bright = upload(&vec![bright; 1 << 13]);
     for (albedo, sent, expected) in [
         ([1.0; 3], &dark, Some([0.0; 3])),
         ([0.0; 3], &bright, Some([0.0; 3])),
@@ -420,7 +420,7 @@ fn extremes_are_finite() {
         }
         assert_eq!(brightest > 0.0, expected.is_none(), "{albedo:?}");
     }
-    let sum = case.upload(&vec![
+    let sum = upload(&vec![
         SurfelRadiance {
             front: [2.0; 3],
             back: [1e18; 3],
@@ -529,7 +529,7 @@ fn what_does_not_fit_is_a_typed_error() {
     let scene = scenes::cornell();
     let camera = camera_of(&scene, 0, [8, 8]);
     let case = Case::new(&scene, &camera, SMALL);
-    let sent = case.upload(&case.emitted());
+    let sent = upload(&case.emitted());
     let radiance = gatherer()
         .create_radiance(device, &case.senders.cloud)
         .expect("room");
