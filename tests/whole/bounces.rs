@@ -6,12 +6,13 @@ use std::sync::{LazyLock, Mutex, MutexGuard, PoisonError};
 use deep_screen_space::{
     BounceSettings, Error, Geometry, HitLighting, Light, Primitives, Quality, RayTracedEffect,
     RayTracedInput, RayTracedScene, RayTracedSceneInput, RayTracedView, RayTracedViewDescriptor,
-    Surfel, SurfelGathererSettings,
+    SurfelGathererSettings,
     glam::DVec3,
     reference::trace::Receiver,
     scenes::{self, Scene},
     wgpu::{self, TextureFormat as Format},
 };
+use support::scene::SceneBuffers;
 use support::testing::{
     pipelines,
     refusals::refused,
@@ -174,6 +175,20 @@ fn three_bounces_are_those_traced() {
         assert!(rmse <= 0.15, "{name}: {rmse}");
         assert!(bias.abs() <= 0.05, "{name}: {bias}");
         assert!(one > 0.3, "{name}: {one} off one bounce");
+        // Without light, and without triangles.
+        assert!(stage.frame(&[]).iter().all(|color| *color == DVec3::ZERO));
+        let empty = Scene {
+            indices: Vec::new(),
+            parts: Vec::new(),
+            ..scene
+        };
+        stage.shot.buffers = SceneBuffers::new(pipelines::gpu(), &empty);
+        assert!(
+            stage
+                .frame(&lights)
+                .iter()
+                .all(|color| *color == DVec3::ZERO)
+        );
         traced = stage.scene;
     }
 }
@@ -224,11 +239,10 @@ fn bounces_come_and_go_over_frames() {
     );
 }
 
-/// Nothing, of which nothing is kept either, and what the scene was not made for.
+/// Settings out of range, and what the scene or the view was not made for.
 #[test]
 fn what_does_not_go_together_is_a_typed_error() {
-    let gpu = pipelines::gpu();
-    let device = &gpu.device;
+    let device = &pipelines::gpu().device;
     let usual = BounceSettings::in_frame(2);
     let made = |primitives, settings| RayTracedScene::with_bounces(device, primitives, settings);
     for (settings, field, accepted) in [
@@ -289,44 +303,13 @@ fn what_does_not_go_together_is_a_typed_error() {
         "further_bounces",
         "false",
     );
-    // A scene of one bounce has no surfels, and nothing for such a view.
+    // A scene of one bounce has nothing for such a view.
     let (scene, lights) = lamp_lit(scenes::cornell());
-    let mut stage = Stage::new(&scene, [8, 8], usual);
-    stage.record(&lights).expect("a picture");
-    let bouncing = std::mem::replace(
-        &mut stage.scene,
-        RayTracedScene::new(device).expect("pipelines"),
-    );
+    let single = RayTracedScene::new(device).expect("pipelines");
     refused(
-        stage.record(&lights),
+        Stage::of(single, &scene, [8, 8]).record(&lights),
         "Mismatch",
         "RayTracedScene",
         "with_bounces",
-    );
-    let surfel = size_of::<Surfel>() as u64;
-    assert!(stage.scene.memory_bytes() + 256 * surfel < bouncing.memory_bytes());
-    // Without triangles, and without light.
-    stage.scene = bouncing;
-    assert!(stage.frame(&[]).iter().all(|color| *color == DVec3::ZERO));
-    let meshes = std::mem::replace(&mut stage.shot.buffers, {
-        let empty = Scene {
-            indices: Vec::new(),
-            parts: Vec::new(),
-            ..scene
-        };
-        support::scene::SceneBuffers::new(gpu, &empty)
-    });
-    assert!(
-        stage
-            .frame(&lights)
-            .iter()
-            .all(|color| *color == DVec3::ZERO)
-    );
-    stage.shot.buffers = meshes;
-    assert!(
-        stage
-            .frame(&lights)
-            .iter()
-            .any(|color| *color != DVec3::ZERO)
     );
 }
