@@ -1,8 +1,8 @@
 //! The ways to render a picture.
 
 use deep_screen_space::{
-    AmbientOcclusion, CloudCapacity, EnvironmentBuilder, EnvironmentSettings, Error, HitResolverSettings, Overlap,
-    Payload, Piece, RaySettings, SurfelCounts, scenes::Scene,
+    AmbientOcclusion, CloudCapacity, EnvironmentBuilder, EnvironmentSettings, Error,
+    HitResolverSettings, Overlap, Payload, Piece, RaySettings, SurfelCounts, scenes::Scene,
 };
 use serde_json::{Value, json};
 
@@ -226,8 +226,7 @@ pub fn bounced(
         preset = presets::of(&rays, radius);
     }
     if options.effect == "bent" {
-        preset.reconstructor =
-            HitResolverSettings::for_bent_normals(preset.bounced.rays_per_pixel);
+        preset.reconstructor = HitResolverSettings::for_bent_normals(preset.bounced.rays_per_pixel);
     }
     if let Some(window) = options.window {
         preset.reconstructor.radius = window;
