@@ -237,11 +237,11 @@ mod tests {
             if (600..1200).contains(&frame) {
                 6.0
             } else {
-                1.0
+                1.2
             }
         };
         let (rungs, _) = simulate(step, 0.1, 2400);
-        assert_eq!(rungs[599], 4, "5 of 10 ms, and 9 leaves too little room");
+        assert_eq!(rungs[599], 4, "6 of 10 ms, and 10.8 does not fit");
         assert!(
             rungs[620..1200].iter().all(|&rung| rung <= 1),
             "{:?}",
