@@ -88,8 +88,8 @@ fn sunny(d: DVec3) -> DVec3 {
     sky::dim(d) + DVec3::new(1.0, 0.9, 0.7) * if is_sun { 100.0 } else { 0.0 }
 }
 
-/// Within the rounding of some hundred additions in f32.
-const TABLE_OFF: f64 = 1e-4;
+/// Software drivers' sines are off by up to 2e-4; the rounding of some hundred additions is less. None may be farther.
+const TABLE_OFF: f64 = 5e-4;
 
 fn near(found: &[f64], expected: &[f64], scale: f64, name: &str) {
     assert_eq!(found.len(), expected.len(), "{name}");
