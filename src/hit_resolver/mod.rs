@@ -68,6 +68,10 @@ pub struct HitResolver {
 
 /// What a [`HitResolver`] is compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each switches a part of the shaders"
+)]
 pub struct HitResolverDescriptor {
     /// The payload of the hits.
     pub payload: Payload,

@@ -45,16 +45,15 @@ fn an_error_is_met_by_the_cheapest_that_does() {
                 let time = |c: &Candidate| c.milliseconds.unwrap_or(f64::INFINITY);
                 time(a).total_cmp(&time(b))
             });
-            match cheapest {
-                Some(cheapest) => assert_eq!(&plan.chosen, cheapest, "{error}\n{plan}"),
-                None => {
-                    let nearest = plan.chosen.error;
-                    assert!(
-                        plan.weighed.iter().all(|c| c.error >= nearest),
-                        "{error}\n{plan}"
-                    );
-                    assert_eq!(plan.misses_by.is_some(), nearest > error, "{error}\n{plan}");
-                }
+            if let Some(cheapest) = cheapest {
+                assert_eq!(&plan.chosen, cheapest, "{error}\n{plan}");
+            } else {
+                let nearest = plan.chosen.error;
+                assert!(
+                    plan.weighed.iter().all(|c| c.error >= nearest),
+                    "{error}\n{plan}"
+                );
+                assert_eq!(plan.misses_by.is_some(), nearest > error, "{error}\n{plan}");
             }
         }
     }

@@ -96,6 +96,7 @@ impl Picture {
     }
 
     /// The same light on a grid of cells: of each the mean over the texels, by how much of them lies in it.
+    #[must_use]
     pub fn resampled(&self, [columns, rows]: [usize; 2]) -> Self {
         let [width, height] = self.size;
         let per_row = PI / height as f64;

@@ -141,12 +141,13 @@ impl HitResolution<'_> {
         (0..self.receivers.len())
             .map(|pixel| {
                 let (mut open, mut all) = (DVec4::ZERO, DVec3::ZERO);
-                for i in pixel * rays_per_pixel..(pixel + 1) * rays_per_pixel {
-                    let Some(Direction { direction, .. }) = drawn[i] else {
+                let own = pixel * rays_per_pixel..(pixel + 1) * rays_per_pixel;
+                for (ray, incoming) in drawn[own.clone()].iter().zip(&self.incoming[own]) {
+                    let Some(Direction { direction, .. }) = ray else {
                         return DVec4::ZERO;
                     };
-                    open += self.incoming[i].x * direction.extend(1.0);
-                    all += direction;
+                    open += incoming.x * direction.extend(1.0);
+                    all += *direction;
                 }
                 let per_ray = 1.0 / rays_per_pixel as f64;
                 let openness = open.w * per_ray;

@@ -108,7 +108,7 @@ fn compare_tables(name: &str, environment: &Environment, radiance: &Picture) {
     let flat = |p: &Picture| {
         p.texels
             .iter()
-            .flat_map(|t| t.to_array())
+            .flat_map(DVec3::to_array)
             .collect::<Vec<_>>()
     };
     near(
@@ -232,7 +232,7 @@ fn samples_follow_their_density() {
     let n = 256;
     let (mut integral, mut counted) = (DVec3::ZERO, 0.0);
     for i in 0..n * n {
-        let point = DVec2::new((i % n) as f64 + 0.5, (i / n) as f64 + 0.5) / n as f64;
+        let point = DVec2::new(f64::from(i % n) + 0.5, f64::from(i / n) + 0.5) / f64::from(n);
         let drawn = cells.sample(point);
         assert!((drawn.direction.length() - 1.0).abs() < 1e-9);
         let there = cells.at(drawn.direction);
@@ -240,7 +240,7 @@ fn samples_follow_their_density() {
         counted += f64::from(u8::from((there.pdf / drawn.pdf - 1.0).abs() < 1e-6));
         integral += drawn.radiance / drawn.pdf;
     }
-    let all = (n * n) as f64;
+    let all = f64::from(n * n);
     assert!(counted >= 0.999 * all, "{counted} of {all}");
     // The flux over the sphere, in two ways.
     let flux: DVec3 = (0..32 * 16)
