@@ -1,5 +1,5 @@
-//! Ambient occlusion and one bounce of light for wgpu from all surfaces of a scene, so that what is hidden, off screen or
-//! edge-on counts like what is seen (Nalbach, Ritschel and Seidel, *Deep Screen Space*, 2014, and *The Bounced Z-buffer for
+//! Ambient occlusion, the light of skies and light that bounces for wgpu, from all surfaces of a scene, so that what is hidden,
+//! off screen or edge-on counts like what is seen (Nalbach, Ritschel and Seidel, *Deep Screen Space*, 2014, and *The Bounced Z-buffer for
 //! Indirect Visibility*, 2015).
 //!
 //! Most callers need two objects: a [`RayTracedScene`], and for each view and effect a [`RayTracedView`]. They are wired of
@@ -9,6 +9,7 @@
 //! * [`Surfelizer`]: the caller's triangles become a [`SurfelCloud`], finer near the camera than far from it.
 //! * [`SurfelShader`]: what each surfel sends of the caller's [`Light`]s, for effects that bounce light.
 //! * [`SurfelGatherer`]: what surfels send of the light that others send them, for light that bounces more than once.
+//! * [`EnvironmentBuilder`]: a caller's sky, as rays that meet nothing bring it.
 //! * [`ShellSplatter`]: sums over the surfels for every pixel of the caller's G-buffer, near ones at full resolution and
 //!   far ones ever more coarsely. What a surfel adds to a pixel is an [`Effect`], the crate's ([`AmbientOcclusion`],
 //!   [`DiffuseBounce`]), one of the caller's, in WGSL, or two of them in one splat ([`Effect::and`]).
@@ -21,6 +22,7 @@
 //!   Rendering for Computationally Expensive Lighting Effects*, 2019).
 //! * [`SgHull`], for many lights or an expensive gather: light is gathered at the vertices of quads that follow what is
 //!   seen, as spherical Gaussians ([`spherical_gaussian`]), and integrated at every pixel.
+//! * [`planner`]: which of these, and with which settings, meets an error or a time.
 //! * [`TemporalAccumulator`], if the caller likes: the mean of the picture over frames. Without it no state survives a
 //!   frame.
 //!
