@@ -1,6 +1,6 @@
 //! Ambient occlusion, the light of skies and light that bounces for wgpu, from all surfaces of a scene, so that what is hidden,
-//! off screen or edge-on counts like what is seen (Nalbach, Ritschel and Seidel, *Deep Screen Space*, 2014, and *The Bounced Z-buffer for
-//! Indirect Visibility*, 2015).
+//! off screen or edge-on counts like what is seen (Nalbach, Ritschel and Seidel, *Deep Screen Space*, 2014, and *The Bounced
+//! Z-buffer for Indirect Visibility*, 2015).
 //!
 //! Most callers need two objects: a [`RayTracedScene`], and for each view and effect a [`RayTracedView`]. They are wired of
 //! passes that may be used by themselves, each of which records into the caller's encoder and owns only what it makes:
