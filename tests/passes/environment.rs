@@ -103,6 +103,11 @@ fn near(found: &[f64], expected: &[f64], scale: f64, name: &str) {
 }
 
 fn compare_tables(name: &str, environment: &Environment, radiance: &Picture) {
+    compare_sums((name, 0.0), environment, radiance);
+}
+
+/// The same where radiance is a sum of terms as large as `terms`, which may cancel.
+fn compare_sums((name, terms): (&str, f64), environment: &Environment, radiance: &Picture) {
     let found = read(environment, DQuat::IDENTITY);
     let expected = Cells::new(radiance.clone(), DQuat::IDENTITY);
     let flat = |p: &Picture| {
@@ -114,7 +119,7 @@ fn compare_tables(name: &str, environment: &Environment, radiance: &Picture) {
     near(
         &flat(&found.radiance),
         &flat(radiance),
-        0.0,
+        terms,
         &format!("{name} radiance"),
     );
     near(
@@ -197,8 +202,8 @@ fn tables_are_the_mirrors() {
                 .sum(),
         )
     });
-    compare_tables(
-        "harmonics",
+    compare_sums(
+        ("harmonics", 2.0),
         &built(size, EnvironmentSource::SphericalHarmonics(&harmonics)),
         &expected,
     );
