@@ -301,7 +301,7 @@ fn what_does_not_go_together_is_a_typed_error() {
         RayTracedView::new(device, &occlusion),
         "Setting",
         "further_bounces",
-        "false",
+        "indirect light alone",
     );
     // A scene of one bounce has nothing for such a view.
     let (scene, lights) = lamp_lit(scenes::cornell());
