@@ -322,12 +322,12 @@ fn source(primitives: Primitives) -> Result<String, Error> {
 
 /// Every module of the pass.
 pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
-    for (primitives, name) in [
-        (Primitives::Triangles, "surfel_gatherer"),
-        #[cfg(feature = "ray-query")]
-        (Primitives::RayQuery, "surfel_gatherer ray query"),
-    ] {
-        all.add_for(primitives.features(), name, source(primitives)?);
-    }
+    all.add("surfel_gatherer", source(Primitives::Triangles)?);
+    #[cfg(feature = "ray-query")]
+    all.add_for(
+        Primitives::RayQuery.features(),
+        "surfel_gatherer ray query",
+        source(Primitives::RayQuery)?,
+    );
     Ok(())
 }
