@@ -34,7 +34,7 @@ const LABEL: &str = "deep-screen-space instanced bvh";
 const NAME: &str = "InstancedBvh";
 
 /// Bytes of the shader's `Instance`, and of an anchor.
-const INSTANCE_BYTES: u64 = 96;
+pub(crate) const INSTANCE_BYTES: u64 = 96;
 const ANCHOR_BYTES: u64 = 16;
 
 crate::reflection::bytes_of_wgsl!(

@@ -20,6 +20,7 @@ pub use calibration::{Calibration, MethodCalibration, MethodKind};
 use crate::{
     bvh::Primitives,
     error::{Error, check_setting},
+    instanced_bvh::INSTANCE_BYTES,
     ray_traced::{
         quality::{Quality, RaySettings, SplatQuality},
         view::RayTracedEffect,
@@ -166,7 +167,10 @@ pub fn plan(request: &PlanRequest<'_>) -> Result<Plan, Error> {
     let (chosen, misses_by) = choose(request, &possible).ok_or(Error::Limit {
         limit: "max_storage_buffer_binding_size",
         available: request.limits.max_storage_buffer_binding_size,
-        needed: request.scene.mesh_triangles * size_of::<Piece>() as u64,
+        needed: request
+            .scene
+            .mesh_triangles
+            .saturating_mul(size_of::<Piece>() as u64),
         why: "what rays meet",
     })?;
     Ok(Plan {
@@ -181,15 +185,23 @@ fn check(request: &PlanRequest<'_>) -> Result<(), Error> {
     for side in request.size {
         check_setting(side > 0, "PlanRequest::size", side, "at least 1 x 1")?;
     }
-    let measured = !matches!(
-        request.effect,
-        RayTracedEffect::DirectionalOcclusion { .. } | RayTracedEffect::BentNormals { .. }
-    );
+    let measured = match request.effect {
+        RayTracedEffect::AmbientOcclusion { radius } => {
+            check_setting(
+                radius >= 0.0,
+                "RayTracedEffect::AmbientOcclusion::radius",
+                radius,
+                "0 to infinity",
+            )?;
+            true
+        }
+        effect => matches!(effect, RayTracedEffect::IndirectDiffuse { .. }),
+    };
     check_setting(
         measured,
         "PlanRequest::effect",
         f64::from(u8::from(measured)),
-        "ambient occlusion and indirect light, whose errors were measured",
+        "ambient occlusion and indirect diffuse light, whose errors were measured",
     )?;
     if let Some(calibration) = request.calibration {
         calibration.validate()?;
@@ -231,15 +243,24 @@ fn primitives_for(request: &PlanRequest<'_>) -> (Primitives, Option<String>) {
     let SceneCounts {
         triangles,
         mesh_triangles,
-        ..
+        instances,
     } = request.scene;
     if triangles <= most {
         return (Primitives::Triangles, None);
     }
+    let most_instances = request.limits.max_storage_buffer_binding_size / INSTANCE_BYTES;
     // Within one texture of triangles, four times what one binding holds.
-    let refused = (mesh_triangles > 4 * most).then(|| {
-        format!("{mesh_triangles} triangles of meshes are more than a device has room for")
-    });
+    let refused = if mesh_triangles > 4 * most {
+        Some(format!(
+            "{mesh_triangles} triangles of meshes are more than a device has room for"
+        ))
+    } else if instances > most_instances {
+        Some(format!(
+            "{instances} instances are more than {most_instances}, which one binding holds"
+        ))
+    } else {
+        None
+    };
     (Primitives::Instances, refused)
 }
 
@@ -326,44 +347,42 @@ impl Method {
     }
 }
 
-/// What the objects of a method own.
+/// What the objects of a method own. In floats, since no count is too large for them; an integer of them saturates.
 fn memory(request: &PlanRequest<'_>, method: &Method, primitives: Primitives) -> u64 {
-    let [width, height] = request.size.map(u64::from);
+    let [width, height] = request.size.map(f64::from);
     let pixels = width * height;
     let SceneCounts {
         triangles,
         mesh_triangles,
         instances,
     } = request.scene;
-    match method {
+    let [triangles, mesh_triangles, instances] =
+        [triangles, mesh_triangles, instances].map(|count| count as f64);
+    let bytes = match method {
         Method::Rays(rays) => {
             let scene = match primitives {
                 // A quarter more room than there are triangles.
-                Primitives::Triangles => (151 + 52 + 4) * (triangles + triangles / 4),
-                _ => (79 + 123) * mesh_triangles + 312 * (instances + instances / 4),
+                Primitives::Triangles => 1.25 * (151.0 + 52.0 + 4.0) * triangles,
+                _ => (79.0 + 123.0) * mesh_triangles + 1.25 * 312.0 * instances,
             };
-            let each = u64::from(rays.rays_per_pixel);
             let hits = if request.effect.payload().is_radiance() {
-                4 + 4 * each
+                4 + 4 * rays.rays_per_pixel
             } else {
-                4 + 4 * each.div_ceil(32)
+                4 + 4 * rays.rays_per_pixel.div_ceil(32)
             };
-            let further = u64::from(rays.further.is_some());
-            scene + pixels * (16 + hits + 20 + further * (16 + 13))
+            let further = if rays.further.is_some() { 29.0 } else { 0.0 };
+            scene + pixels * (16.0 + f64::from(hits) + 20.0 + further)
         }
         Method::Splats(splats) => {
             let radius = f64::from(splats.surfelizer.radius_pixels);
             // About as many surfels as there are disks of that radius in the picture, on each side of what is seen.
-            let surfels = (4.0 * pixels as f64 / (radius * radius)) as u64 + triangles;
-            let levels = u64::from(splats.splat.levels);
-            32 * surfels
-                + 52 * triangles
-                + 4 * triangles
-                + 2 * surfels * levels
-                + pixels * (16 + 8 * levels)
+            let surfels = 4.0 * pixels / (radius * radius) + triangles;
+            let levels = f64::from(splats.splat.levels);
+            (32.0 + 2.0 * levels) * surfels + 56.0 * triangles + pixels * (16.0 + 8.0 * levels)
         }
-        Method::Obscurance { .. } => 0,
-    }
+        Method::Obscurance { .. } => 0.0,
+    };
+    bytes as u64
 }
 
 /// What meets the budget, or comes nearest, and by how much it misses.

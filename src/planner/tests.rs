@@ -188,6 +188,44 @@ fn what_cannot_be_planned_for_is_a_typed_error() {
     assert!(request([10, 10], error, Some(&broken)).contains("MethodCalibration::scene_ms"));
 }
 
+/// Neither counts nor sizes are too large to plan for.
+#[test]
+fn the_largest_counts_are_planned_for() {
+    let request = |effect, scene| {
+        plan(&PlanRequest {
+            limits: &Limits::default(),
+            size: [u32::MAX; 2],
+            scene,
+            effect,
+            budget: Budget::Error(0.1),
+            calibration: Some(&calibration()),
+        })
+    };
+    let all = SceneCounts {
+        triangles: u64::MAX,
+        mesh_triangles: u64::MAX,
+        instances: u64::MAX,
+    };
+    let found = request(RADIUS, all).expect("the depth buffer does not care");
+    assert_eq!(found.chosen.method.kind(), MethodKind::Obscurance);
+    assert!(found.weighed.iter().all(|c| c.error.is_finite()));
+    assert!(matches!(request(LIGHT, all), Err(Error::Limit { .. })));
+    let none = SceneCounts::once(0);
+    assert!(request(LIGHT, none).is_ok_and(|plan| plan.chosen.milliseconds.is_some()));
+    for effect in [
+        RayTracedEffect::AmbientOcclusion { radius: f32::NAN },
+        RayTracedEffect::AmbientOcclusion { radius: -1.0 },
+        RayTracedEffect::BentNormals { radius: 1.0 },
+        RayTracedEffect::DirectionalOcclusion { radius: 1.0 },
+        RayTracedEffect::IndirectSpecular {
+            sky_radiance: [0.0; 3],
+        },
+    ] {
+        let refused = request(effect, none);
+        assert!(matches!(refused, Err(Error::Setting { .. })), "{effect:?}");
+    }
+}
+
 #[test]
 fn curves_run_through_their_rungs() {
     for curves in [curves::WITHIN_RADIUS, curves::UNBOUNDED, curves::LIGHT] {
