@@ -163,7 +163,7 @@ pub use geometry::{
 };
 pub use gpu::{Timestamps, compiler::Compiler, listing::Shader};
 pub use hit_resolver::{
-    HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverView,
+    HitEstimateInput, HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverView,
     settings::HitResolverSettings,
 };
 pub use instanced_bvh::{

@@ -3,10 +3,10 @@
 use deep_screen_space::{
     BounceSettings, BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer,
     Bvh, BvhBuilder, Camera, CloudCapacity, Environment, EnvironmentLight, Error, GBuffer,
-    Geometry, HitLighting, HitRadiance, HitResolver, HitResolverDescriptor, HitResolverInput,
-    HitResolverSettings, HitResolverView, Light, Payload, Primitives, RayBudget, RayBudgetInput,
-    RayBudgetSettings, RayBudgetView, Reach, Sampling, ShadedLight, Shadow, SurfelCloud,
-    SurfelCounts, SurfelGatherer, SurfelGathererInput, SurfelSenders, SurfelShader,
+    Geometry, HitEstimateInput, HitLighting, HitRadiance, HitResolver, HitResolverDescriptor,
+    HitResolverInput, HitResolverSettings, HitResolverView, Light, Payload, Primitives, RayBudget,
+    RayBudgetInput, RayBudgetSettings, RayBudgetView, Reach, Sampling, ShadedLight, Shadow,
+    SurfelCloud, SurfelCounts, SurfelGatherer, SurfelGathererInput, SurfelSenders, SurfelShader,
     SurfelShaderInput, SurfelShaderSettings, Surfelizer, SurfelizerInput, SurfelizerSettings, wgpu,
 };
 
@@ -325,9 +325,9 @@ impl Gatherer {
         passes.push(("trace", ms));
         if let (Some(further), Some((budget, room))) = (further, &self.budget) {
             let (ms, done) = gpu.time(|encoder| {
-                let hits = (&frame, &self.view);
+                let hits = HitEstimateInput::new(&frame, &self.view);
                 self.resolver
-                    .estimate(device, encoder, hits, settings, &self.scratch)?;
+                    .estimate(device, encoder, &hits, settings, &self.scratch)?;
                 let input = RayBudgetInput::new(&frame, &self.view, &self.scratch, settings);
                 budget.record(device, encoder, &input, further, room)
             });

@@ -23,7 +23,7 @@ use crate::{
     gpu::{
         Kernel, Timestamps,
         binding::{Groups, Kept, Layout, Named, Resource, view, whole},
-        check_timestamps, first_pass,
+        check_timestamps, compute_pass, first_pass,
         screen::{self, Screen},
         shader,
         uniforms::Uniforms,
@@ -140,8 +140,9 @@ pub struct HitResolverInput<'a> {
     /// The hits, traced from this frame since their cloud was recorded. They know their settings.
     pub hits: &'a BouncedView,
     /// Means over frames to resolve in place of this frame's, which
-    /// [`TemporalAccumulator::join`](crate::TemporalAccumulator::join) brought this frame into. The more frames a pixel's has,
-    /// the narrower is its window. For a resolver that is [joined](HitResolverDescriptor::joined), where all pixels have rays.
+    /// [`TemporalAccumulator::join`](crate::TemporalAccumulator::join) brought this frame's estimates into, those of the view
+    /// that is recorded with. The more frames a pixel's has, the narrower is its window. For a resolver that is
+    /// [joined](HitResolverDescriptor::joined), where all pixels have rays.
     pub history: Option<&'a TemporalHistory>,
     /// The caller's texture, of the descriptor's format, usage `RENDER_ATTACHMENT`, covering the camera's viewport.
     /// Only the viewport is written.
@@ -202,6 +203,28 @@ impl BouncedZBuffer {
             joined: false,
             bent_normals: false,
             target,
+        }
+    }
+}
+
+/// What one [`HitResolver::estimate`] works on.
+#[derive(Clone, Copy, Debug)]
+pub struct HitEstimateInput<'a> {
+    /// As [`HitResolverInput::frame`].
+    pub frame: &'a Frame<'a>,
+    /// As [`HitResolverInput::hits`].
+    pub hits: &'a BouncedView,
+    /// Where to write begin and end times, if anywhere.
+    pub timestamps: Option<Timestamps<'a>>,
+}
+
+impl<'a> HitEstimateInput<'a> {
+    /// Without timestamps.
+    pub fn new(frame: &'a Frame<'a>, hits: &'a BouncedView) -> Self {
+        Self {
+            frame,
+            hits,
+            timestamps: None,
         }
     }
 }
@@ -348,9 +371,12 @@ impl HitResolver {
         let roughness = roughness.as_ref().map(view);
         let params = ("params", parameters.at(params));
         let mut groups = scratch.kept.groups(device);
-        let gathered = (frame, input.hits, roughness.clone());
-        let pass = first_pass(encoder, LABEL, input.timestamps);
-        self.gather(&mut groups, pass, &params, gathered, scratch);
+        let is_estimated = input.history.is_some();
+        if !is_estimated {
+            let gathered = (frame, input.hits, roughness.clone());
+            let pass = first_pass(encoder, LABEL, input.timestamps);
+            self.gather(&mut groups, pass, &params, gathered, scratch);
+        }
 
         let mut resources = vec![
             params,
@@ -370,8 +396,7 @@ impl HitResolver {
             }
             _ => (&self.reconstruct.0, &self.reconstruct.1),
         };
-        let is_kept = input.history.is_none();
-        let reconstruct = if self.descriptor.glossy() || self.descriptor.albedo() || !is_kept {
+        let reconstruct = if self.descriptor.glossy() || self.descriptor.albedo() || is_estimated {
             layout.group(device, &resources)
         } else {
             groups.next(layout, &resources)
@@ -383,7 +408,7 @@ impl HitResolver {
             &input.target,
             frame.viewport(),
             input.timestamps,
-            false,
+            is_estimated,
         );
         Ok(())
     }
@@ -397,11 +422,17 @@ impl HitResolver {
         &self,
         device: &Device,
         encoder: &mut CommandEncoder,
-        (frame, hits): (&Frame<'_>, &BouncedView),
+        input: &HitEstimateInput<'_>,
         settings: &HitResolverSettings,
         scratch: &HitResolverView,
     ) -> Result<(), Error> {
+        let HitEstimateInput {
+            frame,
+            hits,
+            timestamps,
+        } = *input;
         settings.validate()?;
+        check_timestamps(timestamps)?;
         let roughness = self.check_hits((frame, hits), scratch)?;
         let traced = hits.recorded.get("BouncedView")?;
         let params = HitResolverParams::new(settings, frame, &traced.settings);
@@ -409,7 +440,7 @@ impl HitResolver {
         let roughness = roughness.map(|slice| slice.read());
         let mut groups = scratch.kept_estimate.groups(device);
         let gathered = (frame, hits, roughness.as_ref().map(view));
-        let pass = first_pass(encoder, LABEL, None);
+        let pass = compute_pass(encoder, LABEL, timestamps);
         let params = ("params", parameters.at(params));
         self.gather(&mut groups, pass, &params, gathered, scratch);
         Ok(())
@@ -470,6 +501,8 @@ impl HitResolver {
         if let Some(history) = input.history {
             self.check_history(hits, history)?;
             history.check_joined(frame)?;
+            let place = scratch.estimated.get("HitResolverView")?;
+            frame.check_place("HitResolverView", &place)?;
         }
         let is_needed = self.descriptor.albedo();
         let albedo = is_needed.then(|| frame.gbuffer.albedo_for("radiance of diffuse receivers"));

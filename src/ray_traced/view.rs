@@ -22,14 +22,14 @@ use crate::{
     gpu::compiler::Compiler,
     gpu::screen,
     hit_resolver::{
-        HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverView,
+        HitEstimateInput, HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverView,
         settings::HitResolverSettings,
     },
     ray_budget::{RayBudget, RayBudgetInput, view::RayBudgetView},
     receivers::{FrameInput, GBufferDecoder, Receivers, plane_bytes, plane_for},
     recorded::never,
     temporal_accumulator::{
-        MotionVectors, TemporalAccumulator, TemporalHistory, TemporalInput,
+        MotionVectors, TemporalAccumulator, TemporalHistory, TemporalInput, TemporalJoinInput,
         settings::TemporalSettings,
     },
     texture_slice::{TextureSlice, check_apart},
@@ -117,7 +117,9 @@ pub struct RayTracedViewDescriptor {
     pub environment: bool,
     /// Whether indirect light has the further bounces that the scene was [made for](RayTracedScene::with_bounces).
     pub further_bounces: bool,
-    /// How frames are joined, if they are: each then has rays of its own, and few are enough.
+    /// How frames are joined, if they are: each then has rays of its own, and few are enough. Diffuse light with the same number
+    /// of rays at every pixel is joined before it is filtered, in a window that narrows as frames come
+    /// ([`TemporalAccumulator::join`]); all else after.
     pub temporal: Option<TemporalSettings>,
     /// Format of the caller's texture: any colour format of floats that can be rendered to.
     pub target: TextureFormat,
@@ -204,9 +206,18 @@ pub struct RayTracedView {
 struct Temporal {
     accumulator: TemporalAccumulator,
     settings: TemporalSettings,
+    /// Whether frames are joined before they are filtered.
+    joins_rays: bool,
     previous: Option<Camera>,
     /// Which rays the next frame takes.
     frame: u32,
+}
+
+impl Temporal {
+    /// The camera of the frame before, or this one's where there was none.
+    fn previous(&self, input: &RayTracedInput<'_>) -> Camera {
+        self.previous.unwrap_or(*input.camera)
+    }
 }
 
 /// What a size asks for.
@@ -218,7 +229,15 @@ struct Room {
     hits: BouncedView,
     scratch: HitResolverView,
     budget: Option<RayBudgetView>,
-    joined: Option<(Texture, TemporalHistory)>,
+    frames: Option<Frames>,
+}
+
+/// What frames are joined in.
+#[derive(Debug)]
+struct Frames {
+    history: TemporalHistory,
+    /// One frame's, for effects whose frames are filtered before they are joined.
+    picture: Option<Texture>,
 }
 
 /// [`BouncedSettings::frame`] has a largest value; a power of two of frames is as good as any number.
@@ -279,19 +298,25 @@ impl RayTracedView {
                 Ok(Temporal {
                     accumulator: TemporalAccumulator::new(compiler, channels, target)?,
                     settings,
+                    joins_rays: joins_rays(&effect, &rays),
                     previous: None,
                     frame: 0,
                 })
             })
             .transpose()?;
-        let resolved = temporal
+        let joined = temporal
             .as_ref()
-            .map_or(target, |_| picture_format(&effect));
+            .is_some_and(|temporal| temporal.joins_rays);
+        let resolved = match temporal {
+            Some(_) if !joined => picture_format(&effect),
+            _ => target,
+        };
         Ok(Self {
             resolver: HitResolver::new(
                 compiler,
                 &HitResolverDescriptor {
                     bent_normals,
+                    joined,
                     ..tracer.resolver_descriptor(resolved, false)
                 },
             )?,
@@ -392,33 +417,52 @@ impl RayTracedView {
             (&self.rays.further, &self.budget, &room.budget)
         {
             let filter = &self.rays.filter;
-            let hits = (&frame, &room.hits);
+            let hits = HitEstimateInput::new(&frame, &room.hits);
             self.resolver
-                .estimate(device, encoder, hits, filter, &room.scratch)?;
+                .estimate(device, encoder, &hits, filter, &room.scratch)?;
             let noise = RayBudgetInput::new(&frame, &room.hits, &room.scratch, filter);
             budget.record(device, encoder, &noise, further, list)?;
             let into = (&room.hits, list);
             self.tracer
                 .record_more(device, encoder, &met, &settings, into)?;
         }
-        let resolved = match &room.joined {
-            Some((picture, _)) => picture.into(),
-            None => input.target,
-        };
-        let hits = HitResolverInput::new(&frame, &room.hits, resolved);
+        let mut resolved = HitResolverInput::new(&frame, &room.hits, input.target);
+        if let (Some(temporal), Some(frames)) = (&self.temporal, &mut room.frames) {
+            if let Some(picture) = &frames.picture {
+                resolved.target = picture.into();
+            } else {
+                let hits = HitEstimateInput::new(&frame, &room.hits);
+                let filter = &self.rays.filter;
+                self.resolver
+                    .estimate(device, encoder, &hits, filter, &room.scratch)?;
+                let previous = temporal.previous(input);
+                let rays = TemporalJoinInput {
+                    motion: input.motion,
+                    reset: input.reset,
+                    ..TemporalJoinInput::new(&frame, &previous, &room.scratch)
+                };
+                let into = (&temporal.settings, &mut frames.history);
+                temporal
+                    .accumulator
+                    .join(device, encoder, &rays, into.0, into.1)?;
+                resolved.history = Some(&frames.history);
+            }
+        }
         self.resolver
-            .record(device, encoder, &hits, &self.rays.filter, &room.scratch)?;
-        if let (Some(temporal), Some((picture, history))) = (&mut self.temporal, &mut room.joined) {
-            let previous = temporal.previous.unwrap_or(*input.camera);
-            let joined = TemporalInput {
-                motion: input.motion,
-                reset: input.reset,
-                ..TemporalInput::new(&frame, &previous, &*picture, input.target)
-            };
-            let settings = &temporal.settings;
-            temporal
-                .accumulator
-                .record(device, encoder, &joined, settings, history)?;
+            .record(device, encoder, &resolved, &self.rays.filter, &room.scratch)?;
+        if let (Some(temporal), Some(frames)) = (&mut self.temporal, &mut room.frames) {
+            if let Some(picture) = &frames.picture {
+                let previous = temporal.previous(input);
+                let pictures = TemporalInput {
+                    motion: input.motion,
+                    reset: input.reset,
+                    ..TemporalInput::new(&frame, &previous, picture, input.target)
+                };
+                let into = (&temporal.settings, &mut frames.history);
+                temporal
+                    .accumulator
+                    .record(device, encoder, &pictures, into.0, into.1)?;
+            }
             temporal.previous = Some(*input.camera);
             temporal.frame = (temporal.frame + 1) % FRAMES;
         }
@@ -430,15 +474,17 @@ impl RayTracedView {
         let Some(room) = &self.room else {
             return 0;
         };
-        let joined = room.joined.as_ref().map_or(0, |(picture, history)| {
-            let size = [picture.width(), picture.height()];
-            plane_bytes(picture.format(), size, 1) + history.memory_bytes()
+        let frames = room.frames.as_ref().map_or(0, |frames| {
+            let picture = frames.picture.as_ref().map_or(0, |picture| {
+                plane_bytes(picture.format(), [picture.width(), picture.height()], 1)
+            });
+            picture + frames.history.memory_bytes()
         });
         room.receivers.memory_bytes()
             + room.hits.memory_bytes()
             + room.scratch.memory_bytes()
             + room.budget.as_ref().map_or(0, RayBudgetView::memory_bytes)
-            + joined
+            + frames
     }
 
     fn payload(&self) -> Payload {
@@ -512,20 +558,24 @@ impl RayTracedView {
         let hits = self
             .tracer
             .create_view(device, width, height, rays_per_pixel)?;
-        let joined = match &mut self.temporal {
+        let frames = match &mut self.temporal {
             Some(temporal) => {
                 temporal.previous = None;
-                let picture = plane_for(
-                    device,
-                    "deep-screen-space picture of one frame",
-                    picture_format(&self.effect),
-                    // The resolver writes the viewport's part of its target, and the accumulator reads it there.
-                    [x + width, y + height],
-                    1,
-                    TextureUsages::RENDER_ATTACHMENT,
-                )?;
-                let history = temporal.accumulator.create_history(device, width, height)?;
-                Some((picture, history))
+                let picture = || {
+                    plane_for(
+                        device,
+                        "deep-screen-space picture of one frame",
+                        picture_format(&self.effect),
+                        // The resolver writes the viewport's part of its target, and the accumulator reads it there.
+                        [x + width, y + height],
+                        1,
+                        TextureUsages::RENDER_ATTACHMENT,
+                    )
+                };
+                Some(Frames {
+                    picture: (!temporal.joins_rays).then(picture).transpose()?,
+                    history: temporal.accumulator.create_history(device, width, height)?,
+                })
             }
             None => None,
         };
@@ -540,7 +590,7 @@ impl RayTracedView {
                 .map(|budget| budget.create_view(device, width, height))
                 .transpose()?,
             hits,
-            joined,
+            frames,
         });
         Ok(())
     }
@@ -562,6 +612,12 @@ fn check_rays(effect: &RayTracedEffect, rays: &RaySettings) -> Result<(), Error>
         found: format!("further rays for {effect:?}"),
         needed: "none, for glossy receivers".into(),
     })
+}
+
+/// Whether frames are joined before they are filtered, which occlusion gains nothing by.
+fn joins_rays(effect: &RayTracedEffect, rays: &RaySettings) -> bool {
+    let diffuse_light = matches!(effect, RayTracedEffect::IndirectDiffuse { .. });
+    diffuse_light && rays.further.is_none()
 }
 
 /// Of one frame before frames are joined.

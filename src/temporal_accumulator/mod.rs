@@ -21,7 +21,7 @@ use crate::{
     gpu::{
         Kernel, Timestamps,
         binding::{Kept, Layout, view, whole},
-        check_timestamps, first_pass,
+        check_timestamps, compute_pass, first_pass,
         screen::{self, Screen},
         shader, storage,
         uniforms::{Place, Uniforms, Uploaded},
@@ -217,10 +217,12 @@ pub struct TemporalJoinInput<'a> {
     pub estimates: &'a HitResolverView,
     /// Drops the history of all pixels, as a camera's cut needs.
     pub reset: bool,
+    /// Where to write begin and end times, if anywhere.
+    pub timestamps: Option<Timestamps<'a>>,
 }
 
 impl<'a> TemporalJoinInput<'a> {
-    /// Without motion vectors and reset.
+    /// Without motion vectors, reset and timestamps.
     pub fn new(
         frame: &'a Frame<'a>,
         previous_camera: &'a Camera,
@@ -232,6 +234,7 @@ impl<'a> TemporalJoinInput<'a> {
             motion: None,
             estimates,
             reset: false,
+            timestamps: None,
         }
     }
 }
@@ -245,6 +248,8 @@ struct Joined<'a> {
     picture_corner: [u32; 2],
     reset: bool,
     timestamps: Option<Timestamps<'a>>,
+    /// Whether nothing follows that writes the end time.
+    ends: bool,
 }
 
 impl TemporalAccumulator {
@@ -355,6 +360,7 @@ impl TemporalAccumulator {
             picture_corner: [viewport.x, viewport.y],
             reset: input.reset,
             timestamps: input.timestamps,
+            ends: false,
         };
         let (parameters, params) = self.accumulate(device, encoder, &joined, settings, history)?;
         history.joined = None;
@@ -392,6 +398,7 @@ impl TemporalAccumulator {
         history: &mut TemporalHistory,
     ) -> Result<(), Error> {
         settings.validate()?;
+        check_timestamps(input.timestamps)?;
         let place = input.estimates.estimated.get("HitResolverView")?;
         input.frame.check_place("HitResolverView", &place)?;
         self.check_history(input.frame, input.previous_camera, input.motion, history)?;
@@ -402,7 +409,8 @@ impl TemporalAccumulator {
             picture: &input.estimates.means,
             picture_corner: [0; 2],
             reset: input.reset,
-            timestamps: None,
+            timestamps: input.timestamps,
+            ends: true,
         };
         self.accumulate(device, encoder, &joined, settings, history)?;
         history.joined = Some(place);
@@ -460,7 +468,12 @@ impl TemporalAccumulator {
             resources.extend([("motion_vectors", view(vectors)), ("claims", whole(claims))]);
         }
         let accumulating = layout.group(device, &resources);
-        let mut pass = first_pass(encoder, LABEL, joined.timestamps);
+        let begin = if joined.ends {
+            compute_pass
+        } else {
+            first_pass
+        };
+        let mut pass = begin(encoder, LABEL, joined.timestamps);
         let claiming = claiming.as_ref().map(|group| (&self.claim.1, group));
         for (pipeline, group) in claiming.into_iter().chain([(pipeline, &accumulating)]) {
             pass.set_pipeline(pipeline);

@@ -2,9 +2,9 @@
 
 use crate::hit_resolver::{rms, shot_of};
 use deep_screen_space::{
-    BouncedDescriptor, BouncedInput, BouncedSettings, Channels, HitLighting, HitRadiance,
-    HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverSettings, Light, Payload,
-    Sampling, TemporalAccumulator, TemporalJoinInput, TemporalSettings, Viewport,
+    BouncedDescriptor, BouncedInput, BouncedSettings, Channels, HitEstimateInput, HitLighting,
+    HitRadiance, HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverSettings, Light,
+    Payload, Sampling, TemporalAccumulator, TemporalJoinInput, TemporalSettings, Viewport,
     glam::DVec3,
     reference::{hit_resolver::HitResolution, packing::unpack_color, temporal_accumulator::Pixel},
     scenes::{self, Scene},
@@ -137,7 +137,13 @@ impl Stage {
                 .record(device, &mut encoder, &input, &traced, &hits)
                 .expect("hits");
             resolver
-                .estimate(device, &mut encoder, (&frame, &hits), filter, &scratch)
+                .estimate(
+                    device,
+                    &mut encoder,
+                    &HitEstimateInput::new(&frame, &hits),
+                    filter,
+                    &scratch,
+                )
                 .expect("means");
             let input = TemporalJoinInput::new(&frame, camera, &scratch);
             let settings = TemporalSettings {
@@ -322,7 +328,13 @@ fn what_does_not_fit_is_refused() {
         .expect("hits");
     let filter = HitResolverSettings::default();
     resolver
-        .estimate(device, &mut encoder, (&frame, &hits), &filter, &scratch)
+        .estimate(
+            device,
+            &mut encoder,
+            &HitEstimateInput::new(&frame, &hits),
+            &filter,
+            &scratch,
+        )
         .expect("means");
     let mut small = one.create_history(device, 4, 8).expect("a history");
     let found = one.join(device, &mut encoder, &input, &settings, &mut small);

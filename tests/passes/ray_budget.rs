@@ -3,10 +3,10 @@
 
 use crate::hit_resolver::{errors, own, rms, shot_of, truth};
 use deep_screen_space::{
-    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, HitRadiance,
-    HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverSettings, MultiResLevel,
-    MultiResMask, MultiResMaskInput, MultiResMaskSettings, Payload, PixelList, RayBudget,
-    RayBudgetInput, RayBudgetSettings, Sampling, Viewport,
+    BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer,
+    HitEstimateInput, HitRadiance, HitResolver, HitResolverDescriptor, HitResolverInput,
+    HitResolverSettings, MultiResLevel, MultiResMask, MultiResMaskInput, MultiResMaskSettings,
+    Payload, PixelList, RayBudget, RayBudgetInput, RayBudgetSettings, Sampling, Viewport,
     glam::DVec3,
     reference::{
         bounced_z_buffer::{PixelRays, Tracing, nearest},
@@ -143,7 +143,7 @@ fn take(shot: &Shot, senders: &Senders, plan: &Plan<'_>) -> Taken {
             .estimate(
                 device,
                 &mut encoder,
-                (&frame, &view),
+                &HitEstimateInput::new(&frame, &view),
                 &plan.filter,
                 &scratch,
             )
@@ -644,7 +644,13 @@ fn what_does_not_fit_is_refused() {
         "",
     );
     resolver
-        .estimate(device, &mut encoder, (&frame, &view), &filter, &scratch)
+        .estimate(
+            device,
+            &mut encoder,
+            &HitEstimateInput::new(&frame, &view),
+            &filter,
+            &scratch,
+        )
         .expect("means");
     let small = budget().create_view(device, 4, 4).expect("a view");
     refused(

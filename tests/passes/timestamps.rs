@@ -3,15 +3,15 @@
 use deep_screen_space::{
     AmbientOcclusion, BouncedDescriptor, BouncedInput, BouncedSettings, Camera, Channels,
     CloudCapacity, ClusterInput, Components, Error, FrameInput, Gatherer, Geometry,
-    HitResolverDescriptor, HitResolverInput, HitResolverSettings, InstancedBvhBuilder,
-    InstancedBvhInput, Light, MultiResMaskInput, MultiResMaskSettings, MultiResReconstructor,
-    MultiResReconstructorInput, MultiResReconstructorSettings, ObscuranceInput, ObscuranceSampling,
-    ObscuranceSettings, ObscuranceVolume, Payload, Primitives, ReconstructorInput,
-    ReconstructorSettings, ReflectiveShadowMap, ReflectiveShadowMapInput, Sampling,
-    ScreenSpaceGiInput, ScreenSpaceGiSettings, SgHull, SgHullDescriptor, SgHullInput,
+    HitEstimateInput, HitResolverDescriptor, HitResolverInput, HitResolverSettings,
+    InstancedBvhBuilder, InstancedBvhInput, Light, MultiResMaskInput, MultiResMaskSettings,
+    MultiResReconstructor, MultiResReconstructorInput, MultiResReconstructorSettings,
+    ObscuranceInput, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume, Payload, Primitives,
+    ReconstructorInput, ReconstructorSettings, ReflectiveShadowMap, ReflectiveShadowMapInput,
+    Sampling, ScreenSpaceGiInput, ScreenSpaceGiSettings, SgHull, SgHullDescriptor, SgHullInput,
     SgHullSettings, SgHullSize, ShadowMap, SoftShadowsInput, SoftShadowsSettings, SplatInput,
     SplatSettings, SurfelShaderInput, SurfelShaderSettings, SurfelizerInput, SurfelizerSettings,
-    TemporalAccumulator, TemporalInput, TemporalSettings, Timestamps, Viewport,
+    TemporalAccumulator, TemporalInput, TemporalJoinInput, TemporalSettings, Timestamps, Viewport,
     VolumetricObscurance, VolumetricObscuranceDescriptor,
     glam::{DVec3, dcamera::rh::proj::directx},
     scenes, wgpu,
@@ -76,7 +76,7 @@ impl Times {
 fn recordings_from_surfels_write_their_times() {
     let gpu = pipelines::gpu();
     let device = &gpu.device;
-    let Some(times) = Times::of(gpu, 11) else {
+    let Some(times) = Times::of(gpu, 14) else {
         return;
     };
     let scene = scenes::cornell();
@@ -216,9 +216,9 @@ fn recordings_from_surfels_write_their_times() {
     let descriptor = HitResolverDescriptor {
         payload: Payload::Occlusion,
         sampling: Sampling::Cosine,
-        deferred: true,
+        deferred: false,
         counted: false,
-        joined: false,
+        joined: true,
         bent_normals: false,
         target: format,
     };
@@ -229,6 +229,29 @@ fn recordings_from_surfels_write_their_times() {
         ..HitResolverInput::new(&frame, &hits, target.texture())
     };
     let settings = HitResolverSettings::default();
+    reconstructor
+        .record(device, &mut encoder, &input, &settings, &scratch)
+        .expect("a picture");
+    let input = HitEstimateInput {
+        timestamps: Some(times.stamps(11)),
+        ..HitEstimateInput::new(&frame, &hits)
+    };
+    reconstructor
+        .estimate(device, &mut encoder, &input, &settings, &scratch)
+        .expect("means");
+    let input = TemporalJoinInput {
+        timestamps: Some(times.stamps(12)),
+        ..TemporalJoinInput::new(&frame, &shot.camera, &scratch)
+    };
+    let mean = TemporalSettings::default();
+    accumulator
+        .join(device, &mut encoder, &input, &mean, &mut history)
+        .expect("a mean");
+    let input = HitResolverInput {
+        timestamps: Some(times.stamps(13)),
+        history: Some(&history),
+        ..HitResolverInput::new(&frame, &hits, target.texture())
+    };
     reconstructor
         .record(device, &mut encoder, &input, &settings, &scratch)
         .expect("a picture");

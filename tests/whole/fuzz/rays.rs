@@ -3,9 +3,9 @@
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedScene, BouncedSettings, BouncedZBuffer, DiskSettings,
     Environment, EnvironmentBuilder, EnvironmentInput, EnvironmentLight, EnvironmentSettings,
-    EnvironmentSource, GBuffer, HitLighting, HitRadiance, HitResolver, HitResolverDescriptor,
-    HitResolverInput, HitResolverSettings, Merge, Payload, Placement, Primitives, RayBudget,
-    RayBudgetInput, RayBudgetSettings, Sampling,
+    EnvironmentSource, GBuffer, HitEstimateInput, HitLighting, HitRadiance, HitResolver,
+    HitResolverDescriptor, HitResolverInput, HitResolverSettings, Merge, Payload, Placement,
+    Primitives, RayBudget, RayBudgetInput, RayBudgetSettings, Sampling,
     glam::DQuat,
     wgpu::{TextureFormat, TextureUsages},
 };
@@ -261,8 +261,11 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         let budget = case.once("ray budget", |device| RayBudget::new(device))?;
         let list = budget.create_view(device, viewport.width, viewport.height);
         let list = case.accept(list)?;
-        let hits = (&frame, &view);
-        let done = reconstructor.estimate(device, &mut case.encoder, hits, &filter, &scratch);
+        let hits = HitEstimateInput {
+            timestamps: case.timestamps(),
+            ..HitEstimateInput::new(&frame, &view)
+        };
+        let done = reconstructor.estimate(device, &mut case.encoder, &hits, &filter, &scratch);
         case.accept(done)?;
         let noise = RayBudgetInput {
             timestamps: case.timestamps(),
