@@ -1,14 +1,15 @@
 //! Rays of the bounced z-buffer: time by what is asked of them, beside a ray tracer on the CPU.
 //!
-//! `cargo bench --bench rays -- [--quick] [--cameras FILE] [--radius R] [SCENE...]` prints a table and writes
-//! `target/bench/rays.json`. SCENE is one of the crate's scenes or a glTF file, whose cameras FILE may have (as the example
+//! `cargo bench --bench rays -- [--quick] [--size WxH] [--cameras FILE] [--radius R] [SCENE...]` prints a table and
+//! writes `target/bench/rays.json`. SCENE is one of the crate's scenes or a glTF file, whose cameras FILE may have (as the example
 //! `render` reads them). All rows trace the same directions of the same pixels:
 //! * `any`: whether there is a hit, of ambient occlusion without a radius;
 //! * `nearest`: the nearest hit, with its surface's emission and no light;
 //! * `lit`: the same with one light, and so a ray more from most hits;
 //! * `cpu`: whether there is a hit, by the crate's own tracer in `f64`, all threads, with a hierarchy that was built before
 //!   (`build`), where that of the GPU's rays is made anew from the triangles each time (`bounds`, and its memory in `MB`);
-//! * `obvhs`: the same in `f32`, with the best tree that `obvhs` builds, nodes of eight children as here.
+//! * `obvhs`: the same in `f32`, with the best tree that `obvhs` builds, nodes of eight children as here;
+//! * `4 rays`: how many times as long as four of the `any` rays per pixel it takes to make the hierarchy anew.
 //!
 //! A time is the fastest of a few runs, and counts only beside the others of its row.
 //!
@@ -43,7 +44,7 @@ use obvhs_rays::Best;
 use rayon::prelude::*;
 use serde::Deserialize;
 use support::{
-    bench,
+    arguments, bench,
     bounced::{BouncedRenderer, RayRoom},
     gltf::load_gltf,
     gpu::{Ask, Gpu},
@@ -73,6 +74,9 @@ struct Options {
     /// Small pictures.
     #[arg(long)]
     quick: bool,
+    /// Size of the pictures, `WxH`, in place of 512x512.
+    #[arg(long, value_parser = arguments::parse_size)]
+    size: Option<[u32; 2]>,
     /// Counts, and no times.
     #[arg(long)]
     counts: bool,
@@ -92,7 +96,8 @@ struct Options {
 
 impl Options {
     fn size(&self) -> [u32; 2] {
-        if self.quick { [128, 128] } else { [512, 512] }
+        let usual = if self.quick { [128, 128] } else { [512, 512] };
+        self.size.unwrap_or(usual)
     }
 }
 
@@ -135,7 +140,7 @@ fn main() {
         gpu.name()
     );
     println!(
-        "{:24} {:>9} {:>6} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}",
+        "{:24} {:>9} {:>6} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}",
         "scene",
         "triangles",
         "MB",
@@ -148,6 +153,7 @@ fn main() {
         "obvhs",
         "near/any",
         "any/obvhs",
+        "4 rays",
         "Mrays/s"
     );
     let mut rows = Vec::new();
@@ -369,10 +375,10 @@ fn measure(
     ];
     println!(
         "{name:24} {triangles:>9} {megabytes:>6.1} {bounds:>8.1} {any:>8.1} {nearest:>8.1} {lit:>8.1} {build:>8.1} {cpu:>8.1} \
-         {obvhs:>8.1} {:>8.2} {:>8.2} \
-         {:>8.2}",
+         {obvhs:>8.1} {:>8.2} {:>8.2} {:>8.2} {:>8.2}",
         nearest / any,
         any / obvhs,
+        bounds / (any * 4.0 / f64::from(RAYS_PER_PIXEL)),
         rays / any / 1e3,
     );
     serde_json::json!({

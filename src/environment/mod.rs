@@ -44,6 +44,37 @@ const MOST_TEXELS: u32 = 128;
 /// edition 2023, section 12.5.2), and the irradiance that it gives without anything in its way.
 ///
 /// Holds pipelines only; one serves any number of environments.
+///
+/// ```no_run
+/// use deep_screen_space::*;
+///
+/// /// What white surfaces send on of a sky, an equirectangular picture, into an `Rgba16Float` texture.
+/// fn skylight(
+///     device: &wgpu::Device,
+///     encoder: &mut wgpu::CommandEncoder,
+///     sky: &wgpu::Texture,
+///     scene: &RayTracedScene,
+///     (gbuffer, camera): (GBuffer<'_>, &Camera),
+///     target: &wgpu::Texture,
+/// ) -> Result<(), Error> {
+///     // Once, and the recording whenever the sky changes.
+///     let builder = EnvironmentBuilder::new(device)?;
+///     let environment = builder.create(device, &EnvironmentSettings::default())?;
+///     let picture = EnvironmentInput::new(EnvironmentSource::Equirectangular(sky.into()));
+///     builder.record(device, encoder, &picture, &environment)?;
+///     let effect = RayTracedEffect::DirectionalOcclusion { radius: f32::INFINITY };
+///     let format = wgpu::TextureFormat::Rgba16Float;
+///     let descriptor = RayTracedViewDescriptor::new(effect, Quality::Balanced, format);
+///     let mut view = RayTracedView::new(device, &descriptor)?;
+///
+///     // Every frame, after the scene's recording.
+///     let input = RayTracedInput {
+///         environment: Some(EnvironmentLight::new(&environment)),
+///         ..RayTracedInput::new(gbuffer, camera, target)
+///     };
+///     view.record(device, encoder, scene, &input)
+/// }
+/// ```
 #[derive(Debug)]
 pub struct EnvironmentBuilder {
     picture: Vec<(Layout, ComputePipeline)>,

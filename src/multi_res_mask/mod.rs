@@ -49,6 +49,41 @@ const LABEL: &str = "deep-screen-space multi-resolution mask";
 /// A fragment finds the edges of 2 × 2 pixels, for which it reads 12 of the G-buffer; all else is of 8 bits per pixel, or of
 /// the listed pixels alone. Levels that are left out cost nothing, nor do textures of the caller's own that are not given.
 ///
+/// ```no_run
+/// use deep_screen_space::*;
+///
+/// /// Soft shadows of a light into `target`, an `R8Unorm` texture: at full resolution about edges, and coarser elsewhere.
+/// fn shadow(
+///     device: &wgpu::Device,
+///     encoder: &mut wgpu::CommandEncoder,
+///     (gbuffer, camera): (GBuffer<'_>, &Camera),
+///     (light, map): (&Light, ShadowMap<'_>),
+///     target: &wgpu::Texture,
+/// ) -> Result<(), Error> {
+///     // Once, and what is of the view's size once per view.
+///     let (mask, shadows) = (MultiResMask::new(device)?, SoftShadows::new(device)?);
+///     let blend = MultiResReconstructor::new(device, Channels::One, wgpu::TextureFormat::R8Unorm)?;
+///     let levels = MultiResMaskSettings::default();
+///     let Viewport { width, height, .. } = camera.viewport();
+///     let mut masks = mask.create_view(device, width, height, false)?;
+///     let images = blend.create_images(device, width, height, &levels)?;
+///
+///     // Every frame: the masks, the effect on each of their levels, and one image of them.
+///     let input = MultiResMaskInput::new(gbuffer, camera);
+///     mask.record(device, encoder, &input, &levels, &mut masks)?;
+///     for work in masks.works() {
+///         let Some(image) = images.level(work.level) else { continue };
+///         let input = SoftShadowsInput {
+///             work: Some(work),
+///             ..SoftShadowsInput::new(gbuffer, camera, light, map, image)
+///         };
+///         shadows.record(device, encoder, &input, &SoftShadowsSettings::default())?;
+///     }
+///     let input = MultiResReconstructorInput::new(gbuffer, camera, &masks, &images, target);
+///     blend.record(device, encoder, &input, &MultiResReconstructorSettings::default())
+/// }
+/// ```
+///
 /// Holds pipelines only; one serves any number of views.
 #[derive(Debug)]
 pub struct MultiResMask {

@@ -57,6 +57,20 @@ impl AdaptiveSettings {
 /// A rung is left for a cheaper one when the median of the last frames is over the budget, and for a dearer one when that one is
 /// expected to fit with some room. A dearer rung that turns out too dear is not tried again before twice as many frames have
 /// passed as the last time, so that a load at the edge of the budget does not make it swing.
+///
+/// ```
+/// use deep_screen_space::planner::{AdaptiveQuality, AdaptiveSettings};
+///
+/// // Three settings, of which each takes twice as long as the one before, within 4 ms.
+/// let mut quality = AdaptiveQuality::new(AdaptiveSettings::new(4.0), &[1.0, 2.0, 4.0])?;
+/// // On this device the cheapest takes half a millisecond: there is time for the dearest.
+/// let mut rung = quality.rung();
+/// for _frame in 0..1000 {
+///     rung = quality.measured([0.5, 1.0, 2.0][rung]);
+/// }
+/// assert_eq!(rung, 2);
+/// # Ok::<(), deep_screen_space::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct AdaptiveQuality {
     settings: AdaptiveSettings,

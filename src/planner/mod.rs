@@ -4,6 +4,37 @@
 //! everywhere, how high they begin is not: a [`Calibration`] of one's own scene tells that, by the difference of two pictures.
 //! Times follow what the same pictures took on the device.
 
+//!
+//! # Example
+//!
+//! ```no_run
+//! use deep_screen_space::{
+//!     Error, RayTracedEffect,
+//!     planner::{Budget, Calibration, Method, PlanRequest, SceneCounts, plan},
+//!     wgpu,
+//! };
+//!
+//! /// How many rays per pixel indirect light takes for a root mean square error of a fifth of its mean.
+//! fn rays_for(device: &wgpu::Device, calibration: &Calibration) -> Result<Option<u32>, Error> {
+//!     let plan = plan(&PlanRequest {
+//!         limits: &device.limits(),
+//!         size: [1920, 1080],
+//!         scene: SceneCounts::once(300_000),
+//!         effect: RayTracedEffect::IndirectDiffuse { sky_radiance: [0.0; 3] },
+//!         budget: Budget::Error(0.2),
+//!         calibration: Some(calibration),
+//!     })?;
+//!     // A table of what was weighed, and why the chosen one was.
+//!     println!("{plan}");
+//!     Ok(match plan.chosen.method {
+//!         Method::Rays(rays) => Some(rays.rays_per_pixel),
+//!         _ => None,
+//!     })
+//! }
+//! ```
+//!
+//! `examples/plan.rs` measures a calibration and prints a plan.
+
 mod adaptive;
 mod calibration;
 mod curves;

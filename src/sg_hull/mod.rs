@@ -80,6 +80,43 @@ const LABEL: &str = "deep-screen-space hull";
 /// lobes. At a roughness of 0.2 the picture of a colonnade is 3.5 % off the one gathered at every pixel, and 1.0 % without gloss
 /// (`cargo run --example hull -- colonnade 320x240 --glossy 0.2`).
 ///
+/// # Example
+///
+/// ```no_run
+/// use deep_screen_space::*;
+///
+/// /// What a G-buffer's diffuse surfaces reflect of triangles that shine, without shadows, into an `Rgba16Float` texture.
+/// fn light(
+///     device: &wgpu::Device,
+///     encoder: &mut wgpu::CommandEncoder,
+///     (gbuffer, camera): (GBuffer<'_>, &Camera),
+///     lamps: &wgpu::Buffer,
+///     target: &wgpu::Texture,
+/// ) -> Result<(), Error> {
+///     // Once, and what is of the view's size once per view.
+///     let gatherer = Gatherer::polygons(device);
+///     let lights = gatherer.bind_polygons(device, lamps)?;
+///     let descriptor = SgHullDescriptor {
+///         gatherer: &gatherer,
+///         target: wgpu::TextureFormat::Rgba16Float,
+///         albedo: true,
+///         glossy: false,
+///         components: Components::default(),
+///     };
+///     let hull = SgHull::new(device, &descriptor)?;
+///     let decoder = GBufferDecoder::new(device)?;
+///     let Viewport { width, height, .. } = camera.viewport();
+///     let view = hull.create_view(device, SgHullSize::new(width, height))?;
+///     let mut receivers = decoder.create_receivers(device, width, height)?;
+///
+///     // Every frame. The lamps' corners are relative to the frame's origin.
+///     let frame = FrameInput::new(gbuffer, camera);
+///     let frame = decoder.record(device, encoder, &frame, &mut receivers)?;
+///     let input = SgHullInput::new(&frame, Some(&lights), target);
+///     hull.record(device, encoder, &input, &SgHullSettings::default(), &view)
+/// }
+/// ```
+///
 /// Holds pipelines only, for one gatherer and one target format; one serves any number of views.
 #[derive(Debug)]
 pub struct SgHull {

@@ -56,6 +56,30 @@ pub struct VolumetricObscuranceDescriptor {
 /// Noisy, since each pixel has samples of its own: meant to be smoothed, by
 /// [`TemporalAccumulator`](crate::TemporalAccumulator) for instance, except for [`ObscuranceSampling::OneArea`].
 ///
+/// ```no_run
+/// use deep_screen_space::*;
+///
+/// /// Obscurance of what a depth texture shows within half a unit, into an `R32Float` texture of usage `STORAGE_BINDING`.
+/// fn obscure(
+///     device: &wgpu::Device,
+///     encoder: &mut wgpu::CommandEncoder,
+///     depth: &wgpu::Texture,
+///     camera: &Camera,
+///     target: &wgpu::Texture,
+/// ) -> Result<(), Error> {
+///     // Once.
+///     let descriptor = VolumetricObscuranceDescriptor {
+///         sampling: ObscuranceSampling::Lines(DiskSamples::Nine),
+///         volume: ObscuranceVolume::Sphere,
+///     };
+///     let obscurance = VolumetricObscurance::new(device, &descriptor)?;
+///
+///     // Every frame.
+///     let settings = ObscuranceSettings { radius: 0.5, ..ObscuranceSettings::default() };
+///     obscurance.record(device, encoder, &ObscuranceInput::new(depth, camera, target), &settings)
+/// }
+/// ```
+///
 /// Holds pipelines only; one serves any number of views.
 #[derive(Debug)]
 pub struct VolumetricObscurance {
