@@ -1,8 +1,8 @@
 //! Rays of the bounced z-buffer: time by what is asked of them, beside a ray tracer on the CPU.
 //!
 //! `cargo bench --bench rays -- [--quick] [--size WxH] [--cameras FILE] [--radius R] [SCENE...]` prints a table and
-//! writes `target/bench/rays.json`. SCENE is one of the crate's scenes or a glTF file, whose cameras FILE may have (as the example
-//! `render` reads them). All rows trace the same directions of the same pixels:
+//! writes `target/bench/rays.json`. SCENE is one of the crate's scenes or a glTF file, whose cameras FILE may have (as the
+//! example `render` reads them). All rows trace the same directions of the same pixels:
 //! * `any`: whether there is a hit, of ambient occlusion without a radius;
 //! * `nearest`: the nearest hit, with its surface's emission and no light;
 //! * `lit`: the same with one light, and so a ray more from most hits;
