@@ -169,7 +169,7 @@ impl Mesh<'_> {
     }
 }
 
-fn check_layout(
+pub(crate) fn check_layout(
     name: &'static str,
     buffer: &Buffer,
     offset: u64,
