@@ -262,6 +262,7 @@ pub fn bounced(
         rays_per_pixel,
         counted: preset.further.is_some(),
         bent_normals: options.effect == "bent",
+        alpha_tested: scene.holes.is_some(),
         bounces: if options.gi() { options.bounces } else { 1 },
         ..RayRoom::default()
     };

@@ -303,6 +303,7 @@ impl Triangles {
                 materials: self.materials.list,
                 views: Vec::new(),
                 ao_radius: f32::INFINITY,
+                holes: None,
             },
             positions: self.positions,
         })
