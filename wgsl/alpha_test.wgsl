@@ -5,6 +5,7 @@
 // A triangle's texture coordinates are linear over its plane: a piece's corners have them by where they lie in it.
 
 #import math
+#import hashing
 #import dispatch
 #import surfel
 #import triangle
