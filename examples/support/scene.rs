@@ -136,7 +136,7 @@ impl RunBuffers {
         let vertex = BufferUsages::VERTEX | BufferUsages::STORAGE;
         Self {
             positions: gpu.buffer(&scene.positions, vertex),
-            normals: gpu.buffer(&scene.normals, BufferUsages::VERTEX),
+            normals: gpu.buffer(&scene.normals, vertex),
             indices: gpu.buffer(&scene.indices, BufferUsages::INDEX | BufferUsages::STORAGE),
             tex_coords: scene
                 .holes

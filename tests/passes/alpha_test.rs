@@ -839,8 +839,8 @@ fn nothing_of_it_is_there_where_unused() {
     };
     let (plain, holed) = (bytes(Primitives::Triangles), bytes(Primitives::AlphaTested));
     println!("{plain:.1} bytes a triangle, {holed:.1} with holes");
-    assert!((plain - 151.0).abs() < 1.5, "{plain}");
-    assert!((holed - plain - 64.0).abs() < 1.5, "{holed}");
+    assert!((plain - 151.0).abs() < 2.0, "{plain}");
+    assert!((holed - plain - 64.0).abs() < 2.0, "{holed}");
 }
 
 #[test]
