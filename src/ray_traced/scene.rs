@@ -78,8 +78,8 @@ pub struct RayTracedSceneInput<'a> {
     /// `f32::INFINITY` for indirect light.
     pub reach: f32,
     /// With primitives of instances the meshes to be built anew: those whose vertices are others, by skinning, say. All are where
-    /// the number of meshes changes, or one has more triangles than before. Of no use otherwise: a hierarchy over all instances is
-    /// built of the vertices that the buffers have when the GPU runs the recording, each time.
+    /// the number of meshes changes, or one has more triangles than before. Of no use otherwise: a hierarchy over all instances
+    /// is built of the vertices that the buffers have when the GPU runs the recording, each time.
     pub changed: ChangedMeshes<'a>,
     /// What lights the surfaces that rays meet, for views of indirect light.
     pub lighting: Option<HitLighting<'a>>,
@@ -194,10 +194,10 @@ impl RayTracedScene {
     /// Records the scene of a frame.
     ///
     /// # Errors
-    /// What [`Surfelizer::record`] or [`InstancedBvhBuilder::record`] find of the geometry and the cameras, [`Light::validate`] of
-    /// lights and [`AlphaTests::validate`] of holes; [`Error::Mismatch`] for holes that the scene was not made for; [`Error::Setting`]
-    /// for the reach; [`Error::Limit`] for more triangles than the device can bind. What was recorded before stays, unless
-    /// the room had to grow: then views refuse the scene until it is recorded.
+    /// What [`Surfelizer::record`] or [`InstancedBvhBuilder::record`] find of the geometry and the cameras, [`Light::validate`]
+    /// of lights and [`AlphaTests::validate`] of holes; [`Error::Mismatch`] for holes that the scene was not made for;
+    /// [`Error::Setting`] for the reach; [`Error::Limit`] for more triangles than the device can bind. What was recorded before
+    /// stays, unless the room had to grow: then views refuse the scene until it is recorded.
     pub fn record(
         &mut self,
         device: &Device,

@@ -164,8 +164,8 @@ pub fn hits(tracing: &Tracing<'_>, holes: &Holes<'_>) -> Vec<Option<Hit>> {
         .collect()
 }
 
-/// What each ray of a view brings with [`Payload::LitRadiance`](crate::Payload::LitRadiance) among pieces with such holes: colours
-/// not yet packed. `lights` are in the cloud's space.
+/// What each ray of a view brings with [`Payload::LitRadiance`](crate::Payload::LitRadiance) among pieces with such holes:
+/// colours not yet packed. `lights` are in the cloud's space.
 pub fn lit(
     tracing: &Tracing<'_>,
     holes: &Holes<'_>,

@@ -160,8 +160,8 @@ impl SurfelGatherer {
     ///
     /// # Errors
     /// What [`SurfelGathererSettings::validate`] finds; [`Error::Mismatch`] for a hierarchy over other primitives or for another
-    /// cloud's capacity; [`Error::Recording`] for clouds that were not recorded, and for a hierarchy that was not recorded from its cloud
-    /// since that was; [`Error::Setting`] for surfels that are not leaves of pieces ([`Placement::Grid`] and
+    /// cloud's capacity; [`Error::Recording`] for clouds that were not recorded, and for a hierarchy that was not recorded from
+    /// its cloud since that was; [`Error::Setting`] for surfels that are not leaves of pieces ([`Placement::Grid`] and
     /// [`Placement::Random`]); [`Error::Buffer`] for materials or radiance that are too small, lack a usage or are the same
     /// buffer as another one, [`Error::Limit`] for more than the device can bind. All before anything is recorded.
     pub fn record(

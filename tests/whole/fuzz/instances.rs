@@ -53,7 +53,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         .map(|i| test(case, &buffers[i % 2]))
         .collect();
     let alpha_tests = has_holes.then(|| AlphaTests {
-        maps: gbuffer.gbuffer().normals.texture,
+        maps: gbuffer.gbuffer().normal,
         channel: AlphaChannel::Red,
         meshes: &tests,
     });
