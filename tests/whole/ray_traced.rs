@@ -52,10 +52,22 @@ fn render(
     meshes: &[Mesh<'_>],
     target: &wgpu::TextureView,
 ) -> Result<(), Error> {
+    render_changed(scene, view, (shot, ChangedMeshes::None), meshes, target)
+}
+
+/// The same where some meshes are others than before.
+fn render_changed(
+    scene: &mut RayTracedScene,
+    view: &mut RayTracedView,
+    (shot, changed): (&Shot, ChangedMeshes<'_>),
+    meshes: &[Mesh<'_>],
+    target: &wgpu::TextureView,
+) -> Result<(), Error> {
     let gpu = pipelines::gpu();
     let mut encoder = gpu.encoder();
     let lights = lamp();
     let input = RayTracedSceneInput {
+        changed,
         lighting: Some(HitLighting {
             materials: &shot.buffers.materials,
             lights: &lights,
@@ -743,7 +755,8 @@ fn mirrored_instances_are_those_mirrored_by_hand() {
             let mut view = RayTracedView::new(device, &descriptor).expect("pipelines");
             let mut scene = RayTracedScene::with_primitives(device, primitives).expect("pipelines");
             let mut shown = |meshes| {
-                render(&mut scene, &mut view, &shot, meshes, &target).expect("a picture");
+                let all = (&shot, ChangedMeshes::All);
+                render_changed(&mut scene, &mut view, all, meshes, &target).expect("a picture");
                 picture(&target)
             };
             let (expected, found) = (shown(&meshes), shown(&placed));
@@ -761,9 +774,9 @@ fn mirrored_instances_are_those_mirrored_by_hand() {
         }
     }
     // Which way a triangle winds does not depend on how small its mesh is.
-    let tiny = DMat4::from_scale(DVec3::new(-1e-14, 1e-14, 1e-14)).as_mat4();
+    let tiny = DMat4::from_scale(DVec3::new(-1e-16, 1e-16, 1e-16)).as_mat4();
     let tiny = gpu.buffer(&tiny.to_cols_array(), wgpu::BufferUsages::STORAGE);
-    let huge: Vec<[f32; 3]> = corners.iter().map(|p| p.map(|x| x * 1e14)).collect();
+    let huge: Vec<[f32; 3]> = corners.iter().map(|p| p.map(|x| x * 1e16)).collect();
     let huge = gpu.buffer(&huge, wgpu::BufferUsages::STORAGE);
     let mut mesh = placed[1];
     mesh.vertices.buffer = &huge;
