@@ -74,7 +74,7 @@ fn compare(
         .render(gpu, &drawn, &buffers, &camera, &[], &preset)?
         .visibility();
 
-    let tracer = Tracer::of_scene(&scene)?;
+    let tracer = Tracer::of_scene(scene)?;
     let receivers = gbuffer::receivers(
         &camera,
         &tracer,

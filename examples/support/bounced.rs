@@ -281,7 +281,6 @@ impl Gatherer {
             sampling: descriptor.sampling,
             statistics,
             counted: descriptor.counted,
-            ..BouncedDescriptor::default()
         };
         let bounced = BouncedZBuffer::new(device, &bounced)?;
         let resolver = HitResolver::new(device, &descriptor)?;
@@ -427,8 +426,8 @@ pub struct RayRoom {
     pub bent_normals: bool,
     /// Of light: 0 and 1 are one.
     pub bounces: u32,
-    /// Whether triangles may have holes.
-    pub alpha_tested: bool,
+    /// What rays meet: triangles of a cloud, with holes or without.
+    pub primitives: Primitives,
 }
 
 impl BouncedRenderer {
@@ -446,13 +445,8 @@ impl BouncedRenderer {
             statistics,
             bent_normals,
             bounces,
-            alpha_tested,
+            primitives,
         } = room;
-        let primitives = if alpha_tested {
-            Primitives::AlphaTested
-        } else {
-            Primitives::Triangles
-        };
         let payload = if bounces > 1 && payload == Payload::LitRadiance {
             Payload::LitAndGathered
         } else {

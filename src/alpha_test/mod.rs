@@ -104,9 +104,12 @@ pub(crate) fn window_of(test: &AlphaTest<'_>, vertices: u32) -> Window {
 
 /// Checks that the device can bind it.
 pub(crate) fn check_window(device: &Device, window: Window) -> Result<(), Error> {
-    let limit = device.limits().max_storage_buffer_binding_size;
-    const NAME: &str = "max_storage_buffer_binding_size";
-    check_limit(NAME, limit, window.size, "AlphaTest::tex_coords")
+    check_limit(
+        "max_storage_buffer_binding_size",
+        device.limits().max_storage_buffer_binding_size,
+        window.size,
+        "AlphaTest::tex_coords",
+    )
 }
 
 /// A window as a binding.

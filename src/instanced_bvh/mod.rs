@@ -458,9 +458,10 @@ impl InstancedBvhBuilder {
         check_timestamps(input.timestamps)?;
         bvh.check(device, input)?;
         if bvh.maps.is_some() != self.alpha_tested {
-            let needed = match self.alpha_tested {
-                true => Primitives::AlphaTestedInstances,
-                false => Primitives::Instances,
+            let needed = if self.alpha_tested {
+                Primitives::AlphaTestedInstances
+            } else {
+                Primitives::Instances
             };
             return bvh.check_primitives(needed);
         }

@@ -129,6 +129,7 @@ impl Cutout {
     }
 
     /// The holes of a piece of the triangle that this is of.
+    #[must_use]
     pub fn of_piece(&self, whole: &Triangle, piece: &Triangle) -> Self {
         let (e1, e2) = (whole.b - whole.a, whole.c - whole.a);
         let normal = e1.cross(e2);

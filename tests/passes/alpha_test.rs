@@ -67,7 +67,7 @@ struct Sheet {
 fn sheet(
     [corner, u, v]: [DVec3; 3],
     [low, high]: [[f32; 2]; 2],
-    test: Option<HoleTest>,
+    test: impl Into<Option<HoleTest>>,
     format: TexCoordFormat,
 ) -> Sheet {
     let corners = [corner, corner + u, corner + u + v, corner + v];
@@ -76,7 +76,7 @@ fn sheet(
         triangles: [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|i| corners[i])).into(),
         tex_coords: [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|i| uvs[i])).into(),
         transforms: None,
-        test,
+        test: test.into(),
         format,
     }
 }
@@ -609,12 +609,12 @@ fn settings(rays_per_pixel: u32) -> BouncedSettings {
     }
 }
 
-fn test_of(layer: u32, threshold: f32, wrap: [AlphaWrap; 2]) -> Option<HoleTest> {
-    Some(HoleTest {
+fn test_of(layer: u32, threshold: f32, wrap: [AlphaWrap; 2]) -> HoleTest {
+    HoleTest {
         layer,
         threshold,
         wrap,
-    })
+    }
 }
 
 fn camera() -> Camera {
@@ -631,7 +631,12 @@ fn camera() -> Camera {
 fn ground() -> Sheet {
     let corner = DVec3::new(-4.0, 0.0, 4.0);
     let edges = [corner, DVec3::X * 8.0, DVec3::NEG_Z * 8.0];
-    sheet(edges, [[0.0; 2], [1.0; 2]], None, TexCoordFormat::default())
+    sheet(
+        edges,
+        [[0.0; 2], [1.0; 2]],
+        None::<HoleTest>,
+        TexCoordFormat::default(),
+    )
 }
 
 /// Three sheets over a ground, with coordinates of each kind that leave the pictures.

@@ -583,7 +583,7 @@ fn what_is_not_there_is_a_typed_error() {
 
 /// Vertices that moved in the caller's buffer are met where they are, as in a scene made anew of them.
 #[test]
-fn moved_vertices_are_met_where_they_are() {
+fn moved_vertices_are_as_good_as_made_anew() {
     let gpu = pipelines::gpu();
     let device = &gpu.device;
     let rest = scenes::cornell();
@@ -642,7 +642,7 @@ fn moved_vertices_are_met_where_they_are() {
 
 /// An instance that a transform mirrors is what its mesh is, mirrored by hand: where it is met, and which side of it shines.
 #[test]
-fn mirrored_instances_are_those_mirrored_by_hand() {
+fn mirrored_instances_are_as_good_as_mirrored_by_hand() {
     let gpu = pipelines::gpu();
     let device = &gpu.device;
     // Two panels that shine over a floor, one of one side and one of both, and a block between.
@@ -828,7 +828,7 @@ fn render_with_holes(
 
 /// Grass in pictures shows what the same grass in triangles shows, in one level and in two.
 #[test]
-fn holes_show_what_triangles_do() {
+fn holes_are_as_good_as_triangles() {
     let gpu = pipelines::gpu();
     let device = &gpu.device;
     let [cards, blades] = [scenes::grass(), scenes::grass_cut_out()]

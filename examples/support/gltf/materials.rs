@@ -158,7 +158,7 @@ pub fn group<'a>(
         let picture = picture.and_then(|(sampler, uvs)| Some((sampler, uvs, sampler.alpha()?)));
         // What the picture's alpha has to be; of one without it is 1.
         let least = cutoff / opacity;
-        if !(least <= 1.0) && cutoff > 0.0 {
+        if cutoff > 0.0 && least > 1.0 {
             file.notes
                 .add("a primitive all of which is cut out is left out");
             shape.triangles.clear();

@@ -32,9 +32,12 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         BouncedZBuffer::new(device, &descriptor)
     })?;
     let has_holes = descriptor.primitives == Primitives::AlphaTestedInstances;
-    let builder = case.once(has_holes, |device| match has_holes {
-        true => InstancedBvhBuilder::alpha_tested(device),
-        false => InstancedBvhBuilder::new(device),
+    let builder = case.once(has_holes, |device| {
+        if has_holes {
+            InstancedBvhBuilder::alpha_tested(device)
+        } else {
+            InstancedBvhBuilder::new(device)
+        }
     })?;
     let buffers: Vec<_> = (0..2).map(|_| surfels::buffers(case, &camera)).collect();
     let count = case.random.below(5) as usize;
