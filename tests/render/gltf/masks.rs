@@ -7,6 +7,7 @@ use image::{ImageFormat, Rgba, RgbaImage};
 use serde_json::json;
 
 use super::files::{File, assert_sound, square};
+use crate::{folder, render, rmse};
 
 /// Half of it clear, half solid, as a PNG in the buffer.
 fn add_picture(file: &mut File) -> usize {
@@ -72,4 +73,34 @@ fn masks_have_the_files_thresholds_and_wraps() {
     assert!(masked("BLEND", None, 1.0).scene().holes.is_none());
     let error = masked("MASK", Some(0.6), 0.5).read().err();
     assert!(error.expect("nothing is there").contains("cut out"));
+}
+
+/// A masked square before another one: what is drawn, what rays meet and what is traced for comparison have the same hole.
+#[test]
+fn masks_are_drawn_and_compared_with_their_holes() {
+    let shown = |mode: &str| {
+        let mut file = masked(mode, None, 1.0);
+        let mut behind = file.json["meshes"][0]["primitives"][0].clone();
+        behind
+            .as_object_mut()
+            .expect("a primitive")
+            .remove("material");
+        let mesh = file.push("meshes", json!({ "primitives": [behind] }));
+        file.node(
+            json!({ "mesh": mesh, "translation": [-1.0, -1.0, -0.3], "scale": [3.0, 3.0, 1.0] }),
+        );
+        let path = folder("files").join(format!("{mode}.glb"));
+        std::fs::write(&path, file.binary()).expect("a file");
+        let place = "--eye 0.9,0.7,2.0 --target 0.5,0.5,0.0 --size 48x36 --radius 0.6";
+        let arguments = format!("{} {place} --reference 128", path.display());
+        render(mode, &arguments).expect("a picture")
+    };
+    let [masked, opaque] = ["MASK", "OPAQUE"].map(shown);
+    for drawn in [&masked, &opaque] {
+        let off = drawn.off("rmse");
+        println!("{off:.4} off, of {:.4}", drawn.off("mean"));
+        assert!(off < 0.06, "{off}");
+    }
+    let differ = rmse(&masked, &opaque);
+    assert!(differ > 0.1, "{differ}");
 }
