@@ -187,7 +187,7 @@ impl<'o> Studio<'o> {
             triangles,
         };
         Ok(Self {
-            tracer: Tracer::new(&scene.positions, &scene.indices)?,
+            tracer: Tracer::of_scene(&scene)?,
             senders: TracedScene::new(&gpu, &gatherers[0], capacity)?,
             gatherers,
             gpu,

@@ -74,7 +74,7 @@ fn compare(
         .render(gpu, &drawn, &buffers, &camera, &[], &preset)?
         .visibility();
 
-    let tracer = Tracer::new(&scene.positions, &scene.indices)?;
+    let tracer = Tracer::of_scene(scene)?;
     let receivers = gbuffer::receivers(
         &camera,
         &tracer,

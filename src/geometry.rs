@@ -24,6 +24,11 @@ impl PositionFormat {
 }
 
 /// Positions in one of the caller's buffers (usage `STORAGE`, beside `VERTEX` as the caller likes).
+///
+/// They are read where they are, as they are when the GPU runs the recording. Skinned and morphed vertices are thus those of the
+/// current frame if what writes the buffer comes before, earlier in the same encoder or in a submission before it. Hierarchies
+/// over all instances and surfels are made of them each time; of an [`InstancedBvh`](crate::InstancedBvh)
+/// [`ChangedMeshes`](crate::ChangedMeshes) says which meshes are.
 #[derive(Clone, Copy, Debug)]
 pub struct Vertices<'a> {
     /// The buffer.
@@ -85,7 +90,8 @@ pub struct Instances<'a> {
 }
 
 /// A draw of triangles. Front faces wind counter-clockwise seen from the side that their normal points to, before a
-/// mirroring transform.
+/// mirroring transform: what is mirrored keeps its front. Rays meet either side of all triangles; which side shines is
+/// [`Material::double_sided`]'s to say.
 #[derive(Clone, Copy, Debug)]
 pub struct Mesh<'a> {
     /// Where its positions are.
@@ -169,7 +175,7 @@ impl Mesh<'_> {
     }
 }
 
-fn check_layout(
+pub(crate) fn check_layout(
     name: &'static str,
     buffer: &Buffer,
     offset: u64,

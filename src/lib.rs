@@ -91,6 +91,7 @@
 pub use glam;
 pub use wgpu;
 
+mod alpha_test;
 mod bounced_z_buffer;
 mod bvh;
 mod camera;
@@ -137,13 +138,16 @@ mod texture_slice;
 mod volumetric_obscurance;
 mod work;
 
+pub use alpha_test::settings::{
+    AlphaChannel, AlphaTest, AlphaTests, AlphaWrap, TexCoordFormat, TexCoords,
+};
 pub use bounced_z_buffer::{
     BouncedInput, BouncedZBuffer,
     descriptor::{BouncedDescriptor, BouncedScene, HitLighting, HitRadiance, Payload},
     settings::{BouncedSettings, DiskSettings, Merge, Sampling},
     view::BouncedView,
 };
-pub use bvh::{Bvh, BvhBuilder, Primitives};
+pub use bvh::{AlphaTestedInput, Bvh, BvhBuilder, Primitives};
 pub use camera::{Camera, Footprint, Viewport};
 pub use depth_moments::DepthMoments;
 pub use effect::{Channels, Effect};

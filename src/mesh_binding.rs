@@ -48,7 +48,7 @@ pub(crate) struct Window {
 
 impl Window {
     /// A window over `bytes` bytes from `offset` on, in a buffer of `limit` bytes.
-    fn over(offset: u64, bytes: u64, limit: u64) -> Self {
+    pub(crate) fn over(offset: u64, bytes: u64, limit: u64) -> Self {
         let start = offset & !255;
         // A binding is whole words. `Mesh::validate` saw to it that all that is read lies in the buffer's whole words;
         // a stride behind the last vertex may not.

@@ -1,7 +1,7 @@
 //! Every WGSL module of the crate as it goes to the device.
 
 use crate::{
-    bounced_z_buffer, bvh, depth_moments,
+    alpha_test, bounced_z_buffer, bvh, depth_moments,
     effect::{Effect, Listing},
     environment,
     error::Error,
@@ -25,6 +25,7 @@ const PASSES: &[List] = &[
     shell_splatter::list,
     reconstructor::list,
     bvh::list,
+    alpha_test::list,
     instanced_bvh::list,
     environment::list,
     bounced_z_buffer::list,

@@ -15,7 +15,8 @@
 // of meshes, or with #if DISKS a cloud's surfels as disks. With #if GLOSSY directions are those of the pixel's glossy lobe;
 // those below its horizon are not traced. With #if ENVIRONMENT rays that meet nothing bring what an environment has there, and
 // some of a diffuse pixel's directions are drawn by it; with #if SKY_LIGHT that is all that they bring, and any hit is as good as
-// the nearest. With #if RAY_QUERY the device itself traverses, a structure of its own.
+// the nearest. With #if RAY_QUERY the device itself traverses, a structure of its own. With #if ALPHA_TESTED triangles may have
+// holes.
 //
 // With #if COUNTED pixels may have different numbers of rays, none among them. Those beyond `columns` x `rows` come in sets of
 // as many, each with one ray per cell, of which the sums are kept.
@@ -99,6 +100,10 @@ override SAMPLING: u32 = 0u;
 @group(0) @binding(2) var nodes: texture_2d<u32>;
 @group(0) @binding(3) var triangles: texture_2d<u32>;
 #endif
+#endif
+#if ALPHA_TESTED
+// The caller's, a layer a picture.
+@group(0) @binding(35) var alpha_maps: texture_2d_array<f32>;
 #endif
 @group(0) @binding(4) var receivers: texture_2d<u32>;
 #if RADIANCE

@@ -19,6 +19,9 @@
 #else
 #import surfel
 #endif
+#if ALPHA_TESTED
+#import cutout
+#endif
 #import bvh_layout
 
 alias Counter = u32;
@@ -55,6 +58,10 @@ struct Task {
 @group(0) @binding(5) var nodes: texture_storage_2d<rgba32uint, write>;
 #if !INSTANCES
 @group(0) @binding(6) var triangles: texture_storage_2d<rgba32uint, write>;
+#endif
+#if ALPHA_TESTED
+// Of each primitive.
+@group(0) @binding(7) var<storage, read> cutouts: array<Cutout>;
 #endif
 
 // From this level on nodes take those apart that are nearest the root, so that three levels of the binary tree go at a time:
@@ -120,7 +127,15 @@ fn write_triangle(triangle: u32, primitive: u32) {
   let e2 = piece.c - piece.a;
   let size = POSITION_TOLERANCE * (max_component(abs(e1)) + max_component(abs(e2)));
   let at = triangle_texel_at(triangle);
+#if ALPHA_TESTED
+  let cutout = cutouts[primitive];
+  let tag = primitive | select(0u, HAS_HOLES, cutout.threshold > 0.0);
+  textureStore(triangles, at, vec4u(bitcast<vec3u>(piece.a), tag));
+  textureStore(triangles, at + vec2u(3u, 0u), bitcast<vec4u>(vec4f(cutout.a, cutout.b)));
+  textureStore(triangles, at + vec2u(4u, 0u), vec4u(bitcast<vec2u>(cutout.c), bitcast<u32>(cutout.threshold), cutout.map));
+#else
   textureStore(triangles, at, vec4u(bitcast<vec3u>(piece.a), primitive));
+#endif
   textureStore(triangles, at + vec2u(1u, 0u), bitcast<vec4u>(vec4f(e1, size)));
   textureStore(triangles, at + vec2u(2u, 0u), bitcast<vec4u>(vec4f(e2, max_component(abs(piece.a)))));
 }

@@ -10,6 +10,10 @@
 #import surfel
 #import instance
 #import mesh
+#if ALPHA_TESTED
+#import cutout
+#import tex_coords
+#endif
 #import bvh_layout
 
 alias Counter = u32;
@@ -51,6 +55,11 @@ struct Counts {
 @group(0) @binding(9) var nodes: texture_2d<u32>;
 @group(0) @binding(10) var<storage, read_write> instances: array<Instance>;
 @group(0) @binding(11) var<storage, read_write> counts: Counts;
+#if ALPHA_TESTED
+@group(0) @binding(12) var<uniform> alpha_test: AlphaTest;
+@group(0) @binding(13) var<storage, read> tex_coords: array<u32>;
+@group(0) @binding(14) var<storage, read_write> cutouts: array<Cutout>;
+#endif
 
 // What is beyond all range, and never met.
 const NOWHERE: f32 = 3e38;
@@ -79,6 +88,9 @@ fn make_pieces(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocatio
     t = array<vec3f, 3>(vertex_position(corners.x), vertex_position(corners.y), vertex_position(corners.z));
   }
   pieces[i] = Piece(t[0] - anchor, mesh.material, t[1] - anchor, 0u, t[2] - anchor, i);
+#if ALPHA_TESTED
+  cutouts[i] = cutout_of(corners);
+#endif
 }
 
 // The box of the mesh, as its root has it.

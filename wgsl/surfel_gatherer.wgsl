@@ -10,7 +10,7 @@
 //
 // The cloud that rays meet may be another than that of the surfels: the one of the frame before, with the light of then.
 //
-// With #if RAY_QUERY the device itself traverses, a structure of its own.
+// With #if RAY_QUERY the device itself traverses, a structure of its own; with #if ALPHA_TESTED triangles may have holes.
 
 #if RAY_QUERY
 enable wgpu_ray_query;
@@ -62,6 +62,9 @@ struct Params {
 #else
 @group(0) @binding(6) var nodes: texture_2d<u32>;
 @group(0) @binding(7) var triangles: texture_2d<u32>;
+#endif
+#if ALPHA_TESTED
+@group(0) @binding(12) var alpha_maps: texture_2d_array<f32>;
 #endif
 @group(0) @binding(8) var<storage, read> pieces: array<Piece>;
 @group(0) @binding(9) var<storage, read> surfel_offsets: array<u32>;

@@ -7,7 +7,7 @@
 //
 // Variants: SHADOW_MAP looks shadows up in the caller's depth maps, SHADOW_TRACED along a ray; SAMPLES lights a surfel at several
 // points of its own triangle, so that the edge of a shadow that crosses it is averaged. RAY_QUERY, with SHADOW_TRACED, lets the
-// device itself traverse, a structure of its own.
+// device itself traverse, a structure of its own; ALPHA_TESTED, with it, lets light through the holes of triangles.
 
 #if RAY_QUERY
 enable wgpu_ray_query;
@@ -65,6 +65,9 @@ fn lit(point: vec3f, side: vec3f) -> f32 {
 #else
 @group(0) @binding(9) var nodes: texture_2d<u32>;
 @group(0) @binding(10) var triangles: texture_2d<u32>;
+#if ALPHA_TESTED
+@group(0) @binding(11) var alpha_maps: texture_2d_array<f32>;
+#endif
 
 #import bvh_traverse
 #endif

@@ -25,6 +25,7 @@
 #import triangle
 #import slots
 #import mesh
+#import placed
 
 struct Params {
   camera: Camera,
@@ -258,36 +259,6 @@ fn stand_in(t: Triangle, shape: u32) -> Triangle {
   let up = tangent * radius;
   let aside = cross(normal, tangent) * radius * 0.86602540;
   return Triangle(center + up, center - 0.5 * up + aside, center - 0.5 * up - aside);
-}
-
-fn relative_to_origin(p: vec3f) -> vec3f {
-  return relative_to(params.origin_high, params.origin_low, p);
-}
-
-// Triangle `i` of the draw in the cloud's space; all zero where it is unusable.
-fn fetch(i: u32) -> Triangle {
-  let none = Triangle(vec3f(0.0), vec3f(0.0), vec3f(0.0));
-  let instance = i / mesh.triangles;
-  let corners = vertices_of(i % mesh.triangles);
-  if any(corners == vec3u(NO_VERTEX)) {
-    return none;
-  }
-  var t = Triangle(vertex_position(corners.x), vertex_position(corners.y), vertex_position(corners.z));
-  if mesh.instance_format == 0u {
-    t = Triangle(relative_to_origin(t.a), relative_to_origin(t.b), relative_to_origin(t.c));
-  } else {
-    let base = mesh.instance_offset + instance * mesh.instance_stride;
-    let m = mat3x3f(transform_column(base, 0u), transform_column(base, 1u), transform_column(base, 2u));
-    let shift = relative_to_origin(transform_column(base, 3u));
-    t = Triangle(m * t.a + shift, m * t.b + shift, m * t.c + shift);
-    if determinant(m) < 0.0 {
-      t = Triangle(t.a, t.c, t.b);
-    }
-  }
-  if !(is_finite3(t.a) && is_finite3(t.b) && is_finite3(t.c)) {
-    return none;
-  }
-  return t;
 }
 
 // The path from a triangle to a node of its bisection tree: bit d of it is the side taken at depth d.

@@ -132,6 +132,7 @@ impl<'g> Set<'g> {
             .flat_map(|q| [0, 1, 2, 0, 2, 3].map(|i| 4 * q + i))
             .collect();
         let scene = Scene {
+            holes: None,
             name: "checks",
             positions: quads.iter().flat_map(|q| q.0).collect(),
             normals: quads.iter().flat_map(|q| [q.1; 4]).collect(),

@@ -319,7 +319,7 @@ fn measure(
         .filter_map(|(name, payload, radius)| Some((name, trace(payload, radius?, true, &[]).1?)))
         .collect();
     let stopwatch = gpu.stopwatch();
-    let tracer = Tracer::new(&scene.positions, &scene.indices).expect("a scene");
+    let tracer = Tracer::of_scene(scene).expect("a scene");
     let build = stopwatch.milliseconds();
     let receivers = gbuffer::receivers(
         camera,

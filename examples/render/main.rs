@@ -300,7 +300,7 @@ fn truth(
     radius: f32,
     rays: u32,
 ) -> Result<Vec<Option<ColorEstimate>>, String> {
-    let tracer = Tracer::new(&scene.positions, &scene.indices).map_err(|e| e.to_string())?;
+    let tracer = Tracer::of_scene(scene).map_err(|e| e.to_string())?;
     let receivers: Vec<Option<Receiver>> = shot.receivers(scene, &tracer);
     let reach = f64::from(radius);
     match options.effect.as_str() {

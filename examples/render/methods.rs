@@ -2,8 +2,8 @@
 
 use deep_screen_space::{
     AmbientOcclusion, CloudCapacity, DiffuseBounce, Effect, EnvironmentBuilder,
-    EnvironmentSettings, Error, HitResolverSettings, Overlap, Payload, Piece, RaySettings,
-    SurfelCounts, scenes::Scene,
+    EnvironmentSettings, Error, HitResolverSettings, Overlap, Payload, Piece, Primitives,
+    RaySettings, SurfelCounts, scenes::Scene,
 };
 use serde_json::{Value, json};
 
@@ -161,6 +161,9 @@ pub fn splat(
     if options.surfels == 0 {
         return Err("--method splat takes room for a surfel at least".into());
     }
+    if scene.holes.is_some() {
+        eprintln!("render: splats take alpha-tested triangles for whole");
+    }
     let effect = splatted(options).map_err(|e| e.to_string())?;
     let size = [shot.width, shot.height];
     let meshes = buffers.meshes();
@@ -262,6 +265,11 @@ pub fn bounced(
         rays_per_pixel,
         counted: preset.further.is_some(),
         bent_normals: options.effect == "bent",
+        primitives: if scene.holes.is_some() {
+            Primitives::AlphaTested
+        } else {
+            Primitives::Triangles
+        },
         bounces: if options.gi() { options.bounces } else { 1 },
         ..RayRoom::default()
     };

@@ -1,13 +1,14 @@
 //! The passes wired together for effects by the bounced z-buffer.
 
 use deep_screen_space::{
-    BounceSettings, BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer,
-    Bvh, BvhBuilder, Camera, CloudCapacity, Environment, EnvironmentLight, Error, GBuffer,
-    Geometry, HitEstimateInput, HitLighting, HitRadiance, HitResolver, HitResolverDescriptor,
-    HitResolverInput, HitResolverSettings, HitResolverView, Light, Payload, Primitives, RayBudget,
-    RayBudgetInput, RayBudgetSettings, RayBudgetView, Reach, Sampling, ShadedLight, Shadow,
-    SurfelCloud, SurfelCounts, SurfelGatherer, SurfelGathererInput, SurfelSenders, SurfelShader,
-    SurfelShaderInput, SurfelShaderSettings, Surfelizer, SurfelizerInput, SurfelizerSettings, wgpu,
+    AlphaTestedInput, BounceSettings, BouncedDescriptor, BouncedInput, BouncedSettings,
+    BouncedView, BouncedZBuffer, Bvh, BvhBuilder, Camera, CloudCapacity, Environment,
+    EnvironmentLight, Error, GBuffer, Geometry, HitEstimateInput, HitLighting, HitRadiance,
+    HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverSettings, HitResolverView,
+    Light, Payload, Primitives, RayBudget, RayBudgetInput, RayBudgetSettings, RayBudgetView, Reach,
+    Sampling, ShadedLight, Shadow, SurfelCloud, SurfelCounts, SurfelGatherer, SurfelGathererInput,
+    SurfelSenders, SurfelShader, SurfelShaderInput, SurfelShaderSettings, Surfelizer,
+    SurfelizerInput, SurfelizerSettings, wgpu,
 };
 
 use super::{
@@ -62,13 +63,13 @@ impl TracedScene {
         let cloud = surfelizer.create_cloud(device, capacity)?;
         let payload = gatherer.descriptor.payload;
         let surfel_lighting = if matches!(payload, Payload::Radiance | Payload::LitAndGathered) {
-            let shader = SurfelShader::new(device)?;
+            let shader = SurfelShader::with_primitives(device, gatherer.primitives)?;
             let radiance = shader.create_radiance(device, &cloud)?;
             Some(SurfelLighting { shader, radiance })
         } else {
             None
         };
-        let builder = BvhBuilder::new(device, Primitives::Triangles)?;
+        let builder = BvhBuilder::new(device, gatherer.primitives)?;
         Ok(Self {
             bvh: builder.create(device, &cloud)?,
             builder,
@@ -90,7 +91,7 @@ impl TracedScene {
         bounces: u32,
     ) -> Result<Self, Error> {
         let mut scene = Self::new(gpu, gatherer, capacity)?;
-        let gatherer = SurfelGatherer::new(&gpu.device)?;
+        let gatherer = SurfelGatherer::with_primitives(&gpu.device, gatherer.primitives)?;
         let room = || gatherer.create_radiance(&gpu.device, &scene.cloud);
         scene.further_bounces = Some(FurtherBounces {
             gathered: [room()?, room()?],
@@ -144,9 +145,22 @@ impl TracedScene {
         });
         done?;
         passes.push(("surfelize", ms));
-        let (ms, done) = gpu.time(|encoder| {
-            self.builder
-                .record(device, encoder, &self.cloud, &self.bvh, None)
+        let tests = scene.tests();
+        let alpha_tests = scene.alpha_tests(&tests);
+        let (ms, done) = gpu.time(|encoder| match alpha_tests {
+            Some(tests) => {
+                let input = AlphaTestedInput {
+                    geometry: Geometry { meshes: &meshes },
+                    tests,
+                    cloud: &self.cloud,
+                    timestamps: None,
+                };
+                self.builder
+                    .record_alpha_tested(device, encoder, &input, &mut self.bvh)
+            }
+            None => self
+                .builder
+                .record(device, encoder, &self.cloud, &self.bvh, None),
         });
         done?;
         passes.push(("bvh", ms));
@@ -224,6 +238,7 @@ impl TracedScene {
 
 /// A kind of hits, and a view of them.
 pub struct Gatherer {
+    primitives: Primitives,
     descriptor: HitResolverDescriptor,
     pub decoding: Decoding,
     bounced: BouncedZBuffer,
@@ -245,14 +260,27 @@ impl Gatherer {
         rays_per_pixel: u32,
         statistics: bool,
     ) -> Result<Self, Error> {
+        let size = [width, height];
+        let how = (statistics, Primitives::Triangles);
+        Self::among(gpu, descriptor, size, rays_per_pixel, how)
+    }
+
+    /// The same for rays that meet such primitives of a cloud.
+    pub fn among(
+        gpu: &Gpu,
+        descriptor: HitResolverDescriptor,
+        [width, height]: [u32; 2],
+        rays_per_pixel: u32,
+        (statistics, primitives): (bool, Primitives),
+    ) -> Result<Self, Error> {
         let device = &gpu.device;
         let bounced = BouncedDescriptor {
+            primitives,
             environment: descriptor.payload == Payload::Sky,
             payload: descriptor.payload,
             sampling: descriptor.sampling,
             statistics,
             counted: descriptor.counted,
-            ..BouncedDescriptor::default()
         };
         let bounced = BouncedZBuffer::new(device, &bounced)?;
         let resolver = HitResolver::new(device, &descriptor)?;
@@ -268,6 +296,7 @@ impl Gatherer {
             view,
             target: gpu.target(descriptor.target, width, height),
             decoding: Decoding::new(gpu, [width, height])?,
+            primitives,
             descriptor,
             bounced,
             resolver,
@@ -397,6 +426,8 @@ pub struct RayRoom {
     pub bent_normals: bool,
     /// Of light: 0 and 1 are one.
     pub bounces: u32,
+    /// What rays meet: triangles of a cloud, with holes or without.
+    pub primitives: Primitives,
 }
 
 impl BouncedRenderer {
@@ -414,6 +445,7 @@ impl BouncedRenderer {
             statistics,
             bent_normals,
             bounces,
+            primitives,
         } = room;
         let payload = if bounces > 1 && payload == Payload::LitRadiance {
             Payload::LitAndGathered
@@ -429,7 +461,8 @@ impl BouncedRenderer {
             bent_normals,
             target: wgpu::TextureFormat::Rgba32Float,
         };
-        let gatherer = Gatherer::new(gpu, descriptor, size, rays_per_pixel, statistics)?;
+        let how = (statistics, primitives);
+        let gatherer = Gatherer::among(gpu, descriptor, size, rays_per_pixel, how)?;
         Ok(Self {
             scene: if payload == Payload::LitAndGathered {
                 TracedScene::with_bounces(gpu, &gatherer, capacity, bounces)?

@@ -1,9 +1,9 @@
 //! A small G-buffer, as an engine would have one: depth, normals, albedo.
 
 use deep_screen_space::{
-    Camera, GBuffer, Viewport,
+    AlphaWrap, Camera, GBuffer, Material, Viewport,
     glam::{DMat4, Mat4},
-    scenes::Scene,
+    scenes::{HoleTest, Scene},
     wgpu,
 };
 
@@ -15,6 +15,10 @@ struct View { clip_from_relative: mat4x4f, eye_high: vec4f, eye_low: vec4f }
 struct Material { albedo: vec3f, emission: vec3f }
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> materials: array<Material>;
+// Where triangles have holes: for each material the layer of its picture, the bits of the least alpha that is there, 0 where it
+// has none, and what is beyond the picture.
+@group(1) @binding(0) var<storage, read> tests: array<vec4u>;
+@group(1) @binding(1) var maps: texture_2d_array<f32>;
 
 struct Vertex {
   @builtin(position) clip: vec4f,
@@ -29,6 +33,10 @@ struct Pixel {
   @location(1) albedo: vec4f,
 }
 
+fn relative_to_eye(position: vec3f) -> vec3f {
+  return (position - view.eye_high.xyz) - view.eye_low.xyz;
+}
+
 // A draw's instance is its material.
 @vertex
 fn vertex(
@@ -36,18 +44,72 @@ fn vertex(
   @location(1) normal: vec3f,
   @builtin(instance_index) material: u32,
 ) -> Vertex {
-  let relative = (position - view.eye_high.xyz) - view.eye_low.xyz;
+  let relative = relative_to_eye(position);
   return Vertex(view.clip_from_relative * vec4f(relative, 1.0), relative, normal, material);
 }
 
+struct CutVertex {
+  @builtin(position) clip: vec4f,
+  @location(0) relative: vec3f,
+  @location(1) normal: vec3f,
+  @location(2) @interpolate(flat) material: u32,
+  @location(3) uv: vec2f,
+}
+
+@vertex
+fn cut_vertex(
+  @location(0) position: vec3f,
+  @location(1) normal: vec3f,
+  @location(2) uv: vec2f,
+  @builtin(instance_index) material: u32,
+) -> CutVertex {
+  let relative = relative_to_eye(position);
+  return CutVertex(view.clip_from_relative * vec4f(relative, 1.0), relative, normal, material, uv);
+}
+
+fn texel_within(i: i32, size: i32, wrap: u32) -> i32 {
+  let turned = ((i % (2 * size)) + 2 * size) % (2 * size);
+  let mirrored = min(turned, 2 * size - 1 - turned);
+  return select(select(turned % size, clamp(i, 0, size - 1), wrap == 1u), mirrored, wrap == 2u);
+}
+
+fn alpha_at(uv: vec2f, test: vec4u) -> f32 {
+  let size = vec2i(textureDimensions(maps));
+  let place = uv * vec2f(size) - 0.5;
+  let first = vec2i(floor(place));
+  var alpha = 0.0;
+  for (var k = 0; k < 4; k++) {
+    let texel = first + vec2i(k & 1, k >> 1u);
+    let x = texel_within(texel.x, size.x, test.z);
+    let y = texel_within(texel.y, size.y, test.w);
+    let weight = max(vec2f(0.0), 1.0 - abs(place - vec2f(texel)));
+    alpha += weight.x * weight.y * textureLoad(maps, vec2i(x, y), test.x, 0).x;
+  }
+  return alpha;
+}
+
+@fragment
+fn cut_fragment(in: CutVertex) -> Pixel {
+  let pixel = shown(in.relative, in.normal, in.material);
+  let test = tests[in.material];
+  if test.y != 0u && alpha_at(in.uv, test) < bitcast<f32>(test.y) {
+    discard;
+  }
+  return pixel;
+}
+
 // The interpolated normal, on the side of the face that is seen.
+fn shown(relative: vec3f, normal: vec3f, material: u32) -> Pixel {
+  var face = normalize(cross(dpdx(relative), dpdy(relative)));
+  face = select(face, -face, dot(face, relative) > 0.0);
+  let n = normalize(normal);
+  let side = select(n, -n, dot(n, face) < 0.0);
+  return Pixel(vec4f(side, 0.0), vec4f(materials[material].albedo, 1.0));
+}
+
 @fragment
 fn fragment(in: Vertex) -> Pixel {
-  var face = normalize(cross(dpdx(in.relative), dpdy(in.relative)));
-  face = select(face, -face, dot(face, in.relative) > 0.0);
-  let n = normalize(in.normal);
-  let side = select(n, -n, dot(n, face) < 0.0);
-  return Pixel(vec4f(side, 0.0), vec4f(materials[in.material].albedo, 1.0));
+  return shown(in.relative, in.normal, in.material);
 }
 ";
 
@@ -142,9 +204,16 @@ impl Raster {
                 ),
             ],
         });
+        let cut = scene
+            .holes
+            .as_ref()
+            .map(|holes| Cut::new(gpu, scene, holes));
         let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: None,
-            bind_group_layouts: &[Some(&layout)],
+            bind_group_layouts: &match &cut {
+                Some(cut) => vec![Some(&layout), Some(&cut.layout)],
+                None => vec![Some(&layout)],
+            },
             immediate_size: 0,
         });
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -156,25 +225,38 @@ impl Raster {
             offset: 0,
             shader_location,
         };
+        let attributes = [
+            [attribute(0)],
+            [attribute(1)],
+            [wgpu::VertexAttribute {
+                format: wgpu::VertexFormat::Float32x2,
+                ..attribute(2)
+            }],
+        ];
+        let vertex_buffers: Vec<_> = [12, 12, 8]
+            .into_iter()
+            .zip(&attributes)
+            .take(if cut.is_some() { 3 } else { 2 })
+            .map(|(array_stride, attributes)| {
+                Some(wgpu::VertexBufferLayout {
+                    array_stride,
+                    step_mode: wgpu::VertexStepMode::Vertex,
+                    attributes,
+                })
+            })
+            .collect();
+        let [vertex, fragment] = match cut {
+            Some(_) => ["cut_vertex", "cut_fragment"],
+            None => ["vertex", "fragment"],
+        };
         let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some("gbuffer"),
             layout: Some(&pipeline_layout),
             vertex: wgpu::VertexState {
                 module: &module,
-                entry_point: Some("vertex"),
+                entry_point: Some(vertex),
                 compilation_options: wgpu::PipelineCompilationOptions::default(),
-                buffers: &[
-                    Some(wgpu::VertexBufferLayout {
-                        array_stride: 12,
-                        step_mode: wgpu::VertexStepMode::Vertex,
-                        attributes: &[attribute(0)],
-                    }),
-                    Some(wgpu::VertexBufferLayout {
-                        array_stride: 12,
-                        step_mode: wgpu::VertexStepMode::Vertex,
-                        attributes: &[attribute(1)],
-                    }),
-                ],
+                buffers: &vertex_buffers,
             },
             primitive: wgpu::PrimitiveState::default(),
             depth_stencil: Some(wgpu::DepthStencilState {
@@ -187,7 +269,7 @@ impl Raster {
             multisample: wgpu::MultisampleState::default(),
             fragment: Some(wgpu::FragmentState {
                 module: &module,
-                entry_point: Some("fragment"),
+                entry_point: Some(fragment),
                 compilation_options: wgpu::PipelineCompilationOptions::default(),
                 targets: &[
                     Some(wgpu::TextureFormat::Rgba32Float.into()),
@@ -239,9 +321,15 @@ impl Raster {
         });
         pass.set_pipeline(&pipeline);
         pass.set_bind_group(0, &group, &[]);
+        if let Some(cut) = &cut {
+            pass.set_bind_group(1, &cut.group, &[]);
+        }
         for run in &scene.runs {
             pass.set_vertex_buffer(0, run.positions.slice(..));
             pass.set_vertex_buffer(1, run.normals.slice(..));
+            if let Some(tex_coords) = &run.tex_coords {
+                pass.set_vertex_buffer(2, tex_coords.slice(..));
+            }
             pass.set_index_buffer(run.indices.slice(..), wgpu::IndexFormat::Uint32);
             for part in &run.parts {
                 let end = part.first_index + part.index_count;
@@ -255,6 +343,78 @@ impl Raster {
             normal,
             albedo,
         }
+    }
+}
+
+/// What tells where triangles have holes.
+struct Cut {
+    layout: wgpu::BindGroupLayout,
+    group: wgpu::BindGroup,
+}
+
+impl Cut {
+    fn new(
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        (maps, tests): &(wgpu::Texture, Vec<Option<HoleTest>>),
+    ) -> Self {
+        let wrap = |wrap| match wrap {
+            AlphaWrap::Repeat => 0,
+            AlphaWrap::ClampToEdge => 1,
+            AlphaWrap::MirrorRepeat => 2,
+        };
+        // One for each material at least.
+        let mut words: Vec<[u32; 4]> = tests
+            .iter()
+            .map(|test| {
+                test.map_or([0; 4], |test| {
+                    let [u, v] = test.wrap.map(wrap);
+                    [test.layer, test.threshold.to_bits(), u, v]
+                })
+            })
+            .collect();
+        let materials = scene.materials.size() as usize / size_of::<Material>();
+        words.resize(words.len().max(materials), [0; 4]);
+        let tests = gpu.buffer(&words, wgpu::BufferUsages::STORAGE);
+        let stage = wgpu::ShaderStages::FRAGMENT;
+        let kind = wgpu::BufferBindingType::Storage { read_only: true };
+        let layout = gpu
+            .device
+            .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                label: None,
+                entries: &[
+                    entry(0, stage, kind),
+                    wgpu::BindGroupLayoutEntry {
+                        binding: 1,
+                        visibility: stage,
+                        ty: wgpu::BindingType::Texture {
+                            sample_type: wgpu::TextureSampleType::Float { filterable: false },
+                            view_dimension: wgpu::TextureViewDimension::D2Array,
+                            multisampled: false,
+                        },
+                        count: None,
+                    },
+                ],
+            });
+        let view = maps.create_view(&wgpu::TextureViewDescriptor {
+            dimension: Some(wgpu::TextureViewDimension::D2Array),
+            ..Default::default()
+        });
+        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &layout,
+            entries: &[
+                wgpu::BindGroupEntry {
+                    binding: 0,
+                    resource: tests.as_entire_binding(),
+                },
+                wgpu::BindGroupEntry {
+                    binding: 1,
+                    resource: wgpu::BindingResource::TextureView(&view),
+                },
+            ],
+        });
+        Self { layout, group }
     }
 }
 

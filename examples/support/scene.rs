@@ -1,8 +1,9 @@
 //! The buffers of a scene.
 
 use deep_screen_space::{
-    IndexFormat, Indices, Mesh, PositionFormat, Vertices,
-    scenes::{Part, Scene},
+    AlphaChannel, AlphaTest, AlphaTests, IndexFormat, Indices, Mesh, PositionFormat,
+    TexCoordFormat, TexCoords, Vertices,
+    scenes::{HoleTest, Holes, Part, Scene},
     wgpu::{self, BufferUsages},
 };
 
@@ -13,6 +14,8 @@ pub struct SceneBuffers {
     pub runs: Vec<RunBuffers>,
     /// The material table.
     pub materials: wgpu::Buffer,
+    /// The pictures of alpha-tested triangles and each material's test, if there are any.
+    pub holes: Option<(wgpu::Texture, Vec<Option<HoleTest>>)>,
     triangles: u32,
 }
 
@@ -21,6 +24,8 @@ pub struct RunBuffers {
     pub positions: wgpu::Buffer,
     pub normals: wgpu::Buffer,
     pub indices: wgpu::Buffer,
+    /// Where triangles are alpha-tested.
+    pub tex_coords: Option<wgpu::Buffer>,
     pub index_count: u32,
     pub parts: Vec<Part>,
     vertex_count: u32,
@@ -47,6 +52,10 @@ impl SceneBuffers {
                     .collect()
             },
             materials: gpu.buffer(&scene.material_table(), BufferUsages::STORAGE),
+            holes: scene
+                .holes
+                .as_ref()
+                .map(|holes| (maps(gpu, holes), holes.tests.clone())),
             triangles: scene.triangle_count() as u32,
         }
     }
@@ -59,6 +68,67 @@ impl SceneBuffers {
     pub fn meshes(&self) -> Vec<Mesh<'_>> {
         self.runs.iter().flat_map(RunBuffers::meshes).collect()
     }
+
+    /// The test of each draw.
+    pub fn tests(&self) -> Vec<Option<AlphaTest<'_>>> {
+        let all = self.runs.iter();
+        all.flat_map(|run| run.parts.iter().map(|part| self.test_of(run, part)))
+            .collect()
+    }
+
+    fn test_of<'a>(&'a self, run: &'a RunBuffers, part: &Part) -> Option<AlphaTest<'a>> {
+        let (_, tests) = self.holes.as_ref()?;
+        let test = tests.get(part.material as usize).copied().flatten()?;
+        Some(AlphaTest {
+            tex_coords: TexCoords {
+                buffer: run.tex_coords.as_ref()?,
+                offset: 0,
+                stride: 8,
+                format: TexCoordFormat::Float32x2,
+            },
+            layer: test.layer,
+            threshold: test.threshold,
+            wrap: test.wrap,
+        })
+    }
+
+    /// What has holes, if anything has; `tests` are [`SceneBuffers::tests`].
+    pub fn alpha_tests<'a>(&'a self, tests: &'a [Option<AlphaTest<'a>>]) -> Option<AlphaTests<'a>> {
+        let (maps, _) = self.holes.as_ref()?;
+        Some(AlphaTests {
+            maps: maps.into(),
+            channel: AlphaChannel::Red,
+            meshes: tests,
+        })
+    }
+}
+
+/// A layer for each picture.
+fn maps(gpu: &Gpu, holes: &Holes) -> wgpu::Texture {
+    let [width, height] = holes.size;
+    let size = wgpu::Extent3d {
+        width,
+        height,
+        depth_or_array_layers: holes.maps.len() as u32,
+    };
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("alpha maps"),
+        size,
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: wgpu::TextureFormat::R8Unorm,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    let layout = wgpu::TexelCopyBufferLayout {
+        offset: 0,
+        bytes_per_row: Some(width),
+        rows_per_image: Some(height),
+    };
+    gpu.queue
+        .write_texture(texture.as_image_copy(), &holes.maps.concat(), layout, size);
+    texture
 }
 
 impl RunBuffers {
@@ -66,8 +136,12 @@ impl RunBuffers {
         let vertex = BufferUsages::VERTEX | BufferUsages::STORAGE;
         Self {
             positions: gpu.buffer(&scene.positions, vertex),
-            normals: gpu.buffer(&scene.normals, BufferUsages::VERTEX),
+            normals: gpu.buffer(&scene.normals, vertex),
             indices: gpu.buffer(&scene.indices, BufferUsages::INDEX | BufferUsages::STORAGE),
+            tex_coords: scene
+                .holes
+                .as_ref()
+                .map(|holes| gpu.buffer(&holes.tex_coords, vertex)),
             index_count: scene.indices.len() as u32,
             vertex_count: scene.positions.len() as u32,
             parts: scene.parts.clone(),
@@ -107,6 +181,12 @@ pub fn runs(scene: &Scene, vertices: usize, indices: usize) -> Vec<Scene> {
         parts: Vec::new(),
         materials: Vec::new(),
         views: Vec::new(),
+        holes: scene.holes.as_ref().map(|holes| Holes {
+            tex_coords: Vec::new(),
+            maps: Vec::new(),
+            tests: Vec::new(),
+            ..*holes
+        }),
         ..*scene
     };
     let mut runs = vec![empty()];
@@ -139,6 +219,9 @@ pub fn runs(scene: &Scene, vertices: usize, indices: usize) -> Vec<Scene> {
                     moved[corner] = (number, run.positions.len() as u32);
                     run.positions.push(scene.positions[corner]);
                     run.normals.push(scene.normals[corner]);
+                    if let (Some(to), Some(from)) = (&mut run.holes, &scene.holes) {
+                        to.tex_coords.push(from.tex_coords[corner]);
+                    }
                 }
                 run.indices.push(moved[corner].1);
             }

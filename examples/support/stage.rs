@@ -93,7 +93,7 @@ impl<'g> Stage<'g> {
             direction: ahead - up + 0.5 * ahead.cross(up),
             irradiance: [3.0, 2.8, 2.5],
         }];
-        let tracer = Tracer::new(&scene.positions, &scene.indices).map_err(|e| e.to_string())?;
+        let tracer = Tracer::of_scene(scene).map_err(|e| e.to_string())?;
         Ok(Self {
             gpu,
             effort,

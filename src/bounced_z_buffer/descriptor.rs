@@ -21,7 +21,7 @@ pub enum Payload {
     /// The radiance that the surfel which it belongs to sends towards the pixel: four bytes per direction. A
     /// [`SurfelShader`](crate::SurfelShader) or the caller lit the surfels: any radiance and any shadows, once per surfel,
     /// however many hits. As fine as surfels are: an edge of light or shadow that crosses one is lost, which shows where a
-    /// surface lies close beside it. Not with [`Primitives::Instances`], which have no surfels.
+    /// surface lies close beside it. Not with primitives of instances, which have no surfels.
     Radiance,
     /// The radiance that the hit itself sends, lit by a ray to each light through the same hierarchy: exact, and no surfel is
     /// needed (a cloud with a capacity of 0 surfels does). Four bytes per direction; costs a ray per hit and light. Not with
@@ -29,7 +29,7 @@ pub enum Payload {
     LitRadiance,
     /// As [`LitRadiance`](Self::LitRadiance), and what the surfel at the hit reflects of light that it gathered from other
     /// surfels: more than one bounce, by a [`SurfelGatherer`](crate::SurfelGatherer). Four bytes per direction. With
-    /// [`Primitives::Triangles`] and `Primitives::RayQuery` alone.
+    /// [`Primitives::Triangles`], [`Primitives::AlphaTested`] and `Primitives::RayQuery` alone.
     LitAndGathered,
     /// What an [`Environment`](crate::Environment) sends along the direction where nothing is hit, and nothing where something
     /// is: directional occlusion. Four bytes per direction; a ray ends at the first hit that it finds, the nearest or not. With
@@ -80,7 +80,7 @@ pub enum HitRadiance<'a> {
 /// What rays meet, as [`BouncedDescriptor::primitives`] says.
 #[derive(Clone, Copy, Debug)]
 pub enum BouncedScene<'a> {
-    /// The pieces of a cloud, or its surfels as disks.
+    /// The pieces of a cloud, with holes or without, or its surfels as disks.
     Cloud {
         /// The cloud. Recorded with [`SurfelizerSettings::density`](crate::SurfelizerSettings::density) at infinity its pieces
         /// are the caller's triangles, and hits are exact.
@@ -88,7 +88,7 @@ pub enum BouncedScene<'a> {
         /// The hierarchy over them, recorded since the cloud was.
         bvh: &'a Bvh,
     },
-    /// Instances of meshes, for [`Primitives::Instances`].
+    /// Instances of meshes, for [`Primitives::Instances`] and [`Primitives::AlphaTestedInstances`].
     Instances(&'a InstancedBvh),
 }
 
@@ -120,9 +120,9 @@ impl<'a> BouncedScene<'a> {
     /// [`Error::Mismatch`] where it is of others.
     pub(crate) fn check_primitives(&self, needed: Primitives) -> Result<(), Error> {
         match self {
-            Self::Cloud { .. } if needed == Primitives::Instances => self.instances().map(|_| ()),
+            Self::Cloud { .. } if needed.are_instances() => self.instances().map(|_| ()),
             Self::Cloud { cloud, bvh } => bvh.check_primitives(needed, cloud),
-            Self::Instances(_) if needed == Primitives::Instances => Ok(()),
+            Self::Instances(bvh) if needed.are_instances() => bvh.check_primitives(needed),
             Self::Instances(_) => self.cloud().map(|_| ()),
         }
     }
@@ -208,9 +208,7 @@ impl BouncedDescriptor {
     pub(crate) fn flags(&self) -> Vec<&'static str> {
         let mut flags = Vec::new();
         flags.extend(self.payload.is_radiance().then_some("RADIANCE"));
-        flags.extend(self.primitives.are_disks().then_some("DISKS"));
-        flags.extend(self.primitives.by_device().then_some("RAY_QUERY"));
-        flags.extend((self.primitives == Primitives::Instances).then_some("TWO_LEVELS"));
+        flags.extend(self.primitives.flags());
         if self.lit() {
             flags.extend(["LIT", "SHADOW_RAYS"]);
         }

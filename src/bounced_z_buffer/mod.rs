@@ -168,7 +168,7 @@ impl BouncedZBuffer {
             is_possible(descriptor),
             "BouncedDescriptor::primitives",
             f64::from(u8::from(descriptor.primitives != Primitives::Triangles)),
-            "Primitives::Triangles, or Instances without radiance of surfels, or Disks without hits that are lit and Payload::Sky",
+            "triangles of a cloud, or Instances without radiance of surfels, or Disks without hits that are lit and Payload::Sky",
         )?;
         check_setting(
             is_environment_possible(descriptor),
@@ -421,13 +421,8 @@ impl BouncedZBuffer {
                 ];
                 (primitives, Some(bounds))
             }
-            Primitives::Instances => {
-                let pool = input.scene.instances()?.pool();
-                let primitives = vec![
-                    ("nodes", binding::view(&pool.nodes)),
-                    ("triangles", binding::view(&pool.triangles)),
-                ];
-                (primitives, None)
+            instances if instances.are_instances() => {
+                (input.scene.instances()?.traced(instances)?, None)
             }
             pieces => {
                 let (cloud, bvh) = input.scene.cloud()?;
@@ -731,7 +726,7 @@ fn check_lighting(
 fn is_possible(descriptor: &BouncedDescriptor) -> bool {
     match descriptor.primitives {
         Primitives::Disks { .. } => !descriptor.lit() && !descriptor.sky(),
-        Primitives::Instances => !matches!(
+        Primitives::Instances | Primitives::AlphaTestedInstances => !matches!(
             descriptor.payload,
             Payload::Radiance | Payload::LitAndGathered
         ),
@@ -790,6 +785,8 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
         Primitives::Triangles,
         Primitives::Disks { levels: 1 },
         Primitives::Instances,
+        Primitives::AlphaTested,
+        Primitives::AlphaTestedInstances,
         #[cfg(feature = "ray-query")]
         Primitives::RayQuery,
     ];
@@ -837,7 +834,8 @@ fn list_stages(all: &mut Listing<'_>, descriptor: &BouncedDescriptor) -> Result<
                 (descriptor.environment && !descriptor.sky(), "environment"),
                 (descriptor.gathered(), "gathered"),
                 (descriptor.primitives.are_disks(), "disks"),
-                (descriptor.primitives == Primitives::Instances, "instances"),
+                (descriptor.primitives.are_instances(), "instances"),
+                (descriptor.primitives.are_alpha_tested(), "alpha tested"),
                 (descriptor.primitives.by_device(), "ray query"),
                 (descriptor.sampling == Sampling::Glossy, "glossy"),
                 (descriptor.statistics, "statistics"),

@@ -8,7 +8,7 @@ pub(crate) mod ray_query;
 mod tests;
 pub(crate) mod triangles;
 
-use wgpu::{CommandEncoder, Device, Features};
+use wgpu::{Buffer, CommandEncoder, Device, Features};
 
 #[cfg(feature = "ray-query")]
 use self::ray_query::{DeviceBvh, DeviceBvhPass};
@@ -17,16 +17,20 @@ use self::{
     triangles::{BvhPass, Over, TriangleBvh},
 };
 use crate::{
+    alpha_test::{AlphaMaps, AlphaTestPass, create_cutouts, settings::AlphaTests},
     effect::Listing,
     error::{Error, check_setting},
-    gpu::binding::{self, Named},
+    geometry::Geometry,
+    gpu::binding::{self, Kept, Named},
     gpu::compiler::Compiler,
-    gpu::{Timestamps, check_timestamps},
+    gpu::{Timestamps, check_timestamps, compute_pass},
     recorded::{Last, Stamp},
     surfel::SurfelCloud,
 };
 
 const NAME: &str = "Bvh";
+
+const LABEL: &str = "deep-screen-space bvh";
 
 /// What a [`Bvh`] is built over, and rays meet.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -48,6 +52,13 @@ pub enum Primitives {
     /// The triangles of instances of meshes, in a hierarchy of two levels ([`InstancedBvh`](crate::InstancedBvh)), which its own
     /// builder makes: exact.
     Instances,
+    /// [`Primitives::Triangles`], of which some have holes where a texture of the caller's has little alpha ([`AlphaTests`]):
+    /// foliage, fences. Rays pass the holes, those for shadows too. Surfels know nothing of holes: they are those of whole
+    /// triangles, in splats and where light is gathered. Triangles without holes cost what they do otherwise, but for 64 bytes
+    /// more each and a branch.
+    AlphaTested,
+    /// [`Primitives::Instances`], of which some have holes.
+    AlphaTestedInstances,
     /// A cloud's pieces as with [`Primitives::Triangles`], in a structure that the device builds, by rays that it traces: in
     /// hardware, where it has that. Only with this crate's feature `ray-query`, and for a device that was made with
     /// [`Features::EXPERIMENTAL_RAY_QUERY`], which is `unsafe` to ask wgpu for and the caller's to decide, and with the
@@ -67,7 +78,9 @@ impl Primitives {
     #[cfg_attr(not(feature = "ray-query"), expect(unused_variables))]
     pub(crate) fn validate(self, device: &Device) -> Result<(), Error> {
         match self {
-            Self::Triangles | Self::Instances => Ok(()),
+            Self::Triangles | Self::Instances | Self::AlphaTested | Self::AlphaTestedInstances => {
+                Ok(())
+            }
             #[cfg(feature = "ray-query")]
             Self::RayQuery => ray_query::check_device(device),
             Self::Disks { levels } => check_setting(
@@ -82,6 +95,37 @@ impl Primitives {
     /// Whether they are a cloud's surfels.
     pub(crate) fn are_disks(self) -> bool {
         matches!(self, Self::Disks { .. })
+    }
+
+    /// Whether they are instances of meshes.
+    pub(crate) fn are_instances(self) -> bool {
+        matches!(self, Self::Instances | Self::AlphaTestedInstances)
+    }
+
+    /// Whether some may have holes.
+    pub(crate) fn are_alpha_tested(self) -> bool {
+        matches!(self, Self::AlphaTested | Self::AlphaTestedInstances)
+    }
+
+    /// What a pass is compiled for beside rays by the device: a cloud's triangles, with holes or without.
+    pub(crate) fn of_own_traversal(self) -> Self {
+        if self.are_alpha_tested() {
+            Self::AlphaTested
+        } else {
+            Self::Triangles
+        }
+    }
+
+    /// Flags of shaders that trace them.
+    pub(crate) fn flags(self) -> impl Iterator<Item = &'static str> {
+        [
+            (self.are_disks(), "DISKS"),
+            (self.by_device(), "RAY_QUERY"),
+            (self.are_instances(), "TWO_LEVELS"),
+            (self.are_alpha_tested(), "ALPHA_TESTED"),
+        ]
+        .into_iter()
+        .filter_map(|(is, flag)| is.then_some(flag))
     }
 
     /// Whether the device traces the rays.
@@ -107,6 +151,8 @@ impl Primitives {
         match self {
             Self::Triangles => format!("{capacity} triangles"),
             Self::Instances => "triangles of instances".into(),
+            Self::AlphaTested => format!("{capacity} alpha-tested triangles"),
+            Self::AlphaTestedInstances => "alpha-tested triangles of instances".into(),
             Self::Disks { levels } => format!("{capacity} disks on {levels} levels"),
             #[cfg(feature = "ray-query")]
             Self::RayQuery => format!("{capacity} triangles by ray queries"),
@@ -130,9 +176,33 @@ pub struct Bvh {
 #[derive(Debug)]
 enum Bounds {
     Triangles(Box<TriangleBvh>),
+    AlphaTested(Box<AlphaTestedBvh>),
     Disks(Box<DiskBounds>),
     #[cfg(feature = "ray-query")]
     RayQuery(Box<DeviceBvh>),
+}
+
+/// Over triangles of which some have holes.
+#[derive(Debug)]
+struct AlphaTestedBvh {
+    bvh: TriangleBvh,
+    /// Of each triangle.
+    cutouts: Buffer,
+    maps: AlphaMaps,
+    kept: Kept,
+}
+
+/// What a recording of alpha-tested triangles works on.
+#[derive(Clone, Copy, Debug)]
+pub struct AlphaTestedInput<'a> {
+    /// What the cloud was made of: the geometry of its recording, whose buffers are read once more.
+    pub geometry: Geometry<'a>,
+    /// Which of it has holes.
+    pub tests: AlphaTests<'a>,
+    /// The cloud, as it was last recorded.
+    pub cloud: &'a SurfelCloud,
+    /// Where to write begin and end times, if anywhere.
+    pub timestamps: Option<Timestamps<'a>>,
 }
 
 impl Bvh {
@@ -141,6 +211,7 @@ impl Bvh {
     pub fn memory_bytes(&self) -> u64 {
         match &self.bounds {
             Bounds::Triangles(bvh) => bvh.memory_bytes(),
+            Bounds::AlphaTested(room) => room.bvh.memory_bytes() + room.cutouts.size(),
             Bounds::Disks(bounds) => bounds.memory_bytes(),
             #[cfg(feature = "ray-query")]
             Bounds::RayQuery(bvh) => bvh.memory_bytes(),
@@ -151,6 +222,7 @@ impl Bvh {
     pub(crate) fn primitives(&self) -> Primitives {
         match &self.bounds {
             Bounds::Triangles(_) => Primitives::Triangles,
+            Bounds::AlphaTested(_) => Primitives::AlphaTested,
             Bounds::Disks(bounds) => Primitives::Disks {
                 levels: bounds.levels(),
             },
@@ -185,6 +257,14 @@ impl Bvh {
                 let bvh = self.room_for_ray_query(cloud)?;
                 vec![("scene", binding::structure(&bvh.scene))]
             }
+            Primitives::AlphaTested => {
+                let room = self.room_for_alpha_tested(cloud)?;
+                vec![
+                    ("nodes", binding::view(room.bvh.nodes())),
+                    ("triangles", binding::view(room.bvh.triangles())),
+                    ("alpha_maps", binding::view(room.maps.view())),
+                ]
+            }
             _ => {
                 let bvh = self.room_for_triangles(cloud)?;
                 vec![
@@ -216,6 +296,13 @@ impl Bvh {
         }
     }
 
+    fn room_for_alpha_tested(&self, cloud: &SurfelCloud) -> Result<&AlphaTestedBvh, Error> {
+        match &self.bounds {
+            Bounds::AlphaTested(room) if room.bvh.capacity() == cloud.capacity.pieces => Ok(room),
+            _ => Err(self.mismatch(Primitives::AlphaTested, cloud)),
+        }
+    }
+
     fn room_for_disks(&self, cloud: &SurfelCloud, levels: u32) -> Result<&DiskBounds, Error> {
         match &self.bounds {
             Bounds::Disks(bounds)
@@ -238,6 +325,7 @@ impl Bvh {
     fn mismatch(&self, needed: Primitives, cloud: &SurfelCloud) -> Error {
         let capacity = match &self.bounds {
             Bounds::Triangles(bvh) => bvh.capacity(),
+            Bounds::AlphaTested(room) => room.bvh.capacity(),
             Bounds::Disks(bounds) => bounds.capacity,
             #[cfg(feature = "ray-query")]
             Bounds::RayQuery(bvh) => bvh.capacity(),
@@ -264,6 +352,7 @@ pub struct BvhBuilder(Builder);
 #[derive(Debug)]
 enum Builder {
     Triangles(Box<BvhPass>),
+    AlphaTested(Box<BvhPass>, Box<AlphaTestPass>),
     Disks(DiskBoundsPass, u32),
     #[cfg(feature = "ray-query")]
     RayQuery(Box<DeviceBvhPass>),
@@ -275,7 +364,8 @@ impl BvhBuilder {
     ///
     /// # Errors
     /// [`Error::Limit`] where the device was made with less than that; [`Error::Setting`] for levels out of range;
-    /// [`Error::Mismatch`] for [`Primitives::Instances`], which an [`InstancedBvhBuilder`](crate::InstancedBvhBuilder) builds;
+    /// [`Error::Mismatch`] for [`Primitives::Instances`] and [`Primitives::AlphaTestedInstances`], which an
+    /// [`InstancedBvhBuilder`](crate::InstancedBvhBuilder) builds;
     /// [`Error::Feature`] for ray queries that the device was not made for.
     pub fn new<'a>(
         compiler: impl Into<Compiler<'a>>,
@@ -290,11 +380,15 @@ impl BvhBuilder {
             Primitives::Disks { levels } => {
                 Builder::Disks(DiskBoundsPass::new(device, cache)?, levels)
             }
-            Primitives::Instances => {
+            Primitives::AlphaTested => Builder::AlphaTested(
+                Box::new(BvhPass::new(device, cache, Over::AlphaTested)?),
+                Box::new(AlphaTestPass::new(device, cache)?),
+            ),
+            Primitives::Instances | Primitives::AlphaTestedInstances => {
                 return Err(Error::Mismatch {
                     name: "BvhBuilder",
                     found: "the primitives of a cloud".into(),
-                    needed: "an InstancedBvhBuilder, for Primitives::Instances".into(),
+                    needed: "an InstancedBvhBuilder, for primitives of instances".into(),
                 });
             }
             #[cfg(feature = "ray-query")]
@@ -311,6 +405,15 @@ impl BvhBuilder {
             Builder::Triangles(pass) => {
                 Bounds::Triangles(Box::new(pass.create(device, cloud.capacity.pieces)?))
             }
+            Builder::AlphaTested(pass, _) => {
+                let capacity = cloud.capacity.pieces;
+                Bounds::AlphaTested(Box::new(AlphaTestedBvh {
+                    bvh: pass.create(device, capacity)?,
+                    cutouts: create_cutouts(device, capacity)?,
+                    maps: AlphaMaps::none(device),
+                    kept: Kept::default(),
+                }))
+            }
             Builder::Disks(_, levels) => {
                 Bounds::Disks(Box::new(DiskBounds::new(device, cloud, *levels)?))
             }
@@ -326,7 +429,8 @@ impl BvhBuilder {
     }
 
     /// Records the building, into a compute pass of its own (and behind it, where the device builds), from what the cloud was
-    /// last recorded to be.
+    /// last recorded to be. With [`Primitives::AlphaTested`] no triangle has holes;
+    /// [`record_alpha_tested`](Self::record_alpha_tested) gives them some.
     ///
     /// # Errors
     /// [`Error::Mismatch`] for a hierarchy over other primitives or for another cloud's capacity, [`Error::Recording`] for a
@@ -347,6 +451,14 @@ impl BvhBuilder {
                 let bounds = bvh.room_for_triangles(cloud)?;
                 pass.record(device, encoder, primitives, bounds, timestamps);
             }
+            Builder::AlphaTested(pass, _) => {
+                let room = bvh.room_for_alpha_tested(cloud)?;
+                encoder.clear_buffer(&room.cutouts, 0, None);
+                let primitives = (&cloud.pieces, &cloud.counters);
+                let stages = pass.bind_to(device, primitives, Some(&room.cutouts), &room.bvh);
+                let mut recorded = compute_pass(encoder, LABEL, timestamps);
+                pass.dispatch_to(&mut recorded, &room.bvh, &stages);
+            }
             Builder::Disks(pass, levels) => {
                 let bounds = bvh.room_for_disks(cloud, *levels)?;
                 pass.record(device, encoder, cloud, bounds, timestamps);
@@ -358,6 +470,54 @@ impl BvhBuilder {
                 pass.record(device, encoder, primitives, bounds, timestamps);
             }
         }
+        bvh.recorded.set(of);
+        Ok(())
+    }
+
+    /// Records the building of a hierarchy whose triangles have holes, for a builder of [`Primitives::AlphaTested`]: as
+    /// [`record`](Self::record), after a dispatch for each mesh that is alpha-tested.
+    ///
+    /// # Errors
+    /// As [`record`](Self::record); what [`AlphaTests::validate`] and [`Mesh::validate`](crate::Mesh::validate) find;
+    /// [`Error::Mismatch`] for a builder of other primitives, or a geometry of more triangles than the cloud has room for;
+    /// [`Error::Limit`] for buffers that the device cannot bind.
+    pub fn record_alpha_tested(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        input: &AlphaTestedInput<'_>,
+        bvh: &mut Bvh,
+    ) -> Result<(), Error> {
+        check_timestamps(input.timestamps)?;
+        let AlphaTestedInput {
+            geometry,
+            tests,
+            cloud,
+            ..
+        } = input;
+        let of = cloud.last()?;
+        let Builder::AlphaTested(pass, cutter) = &self.0 else {
+            return Err(Error::Mismatch {
+                name: "BvhBuilder",
+                found: "triangles without holes".into(),
+                needed: "Primitives::AlphaTested".into(),
+            });
+        };
+        AlphaTestPass::check(device, geometry, tests, cloud)?;
+        bvh.room_for_alpha_tested(cloud)?;
+        let Bounds::AlphaTested(room) = &mut bvh.bounds else {
+            return Err(bvh.mismatch(Primitives::AlphaTested, cloud));
+        };
+        room.maps.set(tests);
+        let own = (&room.cutouts, &room.kept);
+        let cuts = cutter.bind(device, encoder, (geometry, tests), cloud, own);
+        encoder.clear_buffer(&room.cutouts, 0, None);
+        let primitives = (&cloud.pieces, &cloud.counters);
+        let stages = pass.bind_to(device, primitives, Some(&room.cutouts), &room.bvh);
+        let mut recorded = compute_pass(encoder, LABEL, input.timestamps);
+        cutter.dispatch(&mut recorded, &cuts);
+        pass.dispatch_to(&mut recorded, &room.bvh, &stages);
+        drop(recorded);
         bvh.recorded.set(of);
         Ok(())
     }

@@ -417,7 +417,7 @@ fn hierarchies_over_instances_are_sound() {
         let capacity = count.max(1) as u32;
         let workspace = pass.workspace(&lab.device, capacity).expect("room");
         let most = Over::Instances.most_nodes(count as u32);
-        let pool = NodePool::new(&lab.device, most, 0).expect("room");
+        let pool = NodePool::new(&lab.device, Over::Instances, most, 0).expect("room");
         let storage = |contents: &[u8]| {
             let descriptor = wgpu::util::BufferInitDescriptor {
                 label: None,
@@ -436,7 +436,7 @@ fn hierarchies_over_instances_are_sound() {
         let counters = storage(bytemuck::bytes_of(&counts));
         let kept = Kept::default();
         let mut groups = kept.groups(&lab.device);
-        let stages = pass.bind(&mut groups, &workspace, (&buffer, &counters), &pool);
+        let stages = pass.bind(&mut groups, &workspace, ((&buffer, &counters), None), &pool);
         let mut encoder = lab
             .device
             .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());

@@ -31,6 +31,7 @@ const DISPATCH_BYTES: u64 = 12;
 pub(super) const ROW_TEXELS: u32 = 4095;
 pub(super) const NODE_TEXELS: u32 = 5;
 pub(super) const TRIANGLE_TEXELS: u32 = 3;
+const ALPHA_TESTED_TEXELS: u32 = 5;
 
 /// As in `wgsl/common/bvh_build.wgsl`: primitives that a workgroup clusters at a time, and a quarter of it, which it leaves.
 const BLOCK: u32 = 256;
@@ -94,14 +95,17 @@ pub(crate) struct Workspace {
 pub(crate) enum Over {
     /// A cloud's pieces, or a mesh's triangles.
     Triangles,
+    /// The same, of which some have holes.
+    AlphaTested,
     /// Instances of meshes.
     Instances,
 }
 
 impl Over {
-    fn flags(self) -> &'static [&'static str] {
+    pub fn flags(self) -> &'static [&'static str] {
         match self {
             Self::Triangles => &[],
+            Self::AlphaTested => &["ALPHA_TESTED"],
             Self::Instances => &["INSTANCES"],
         }
     }
@@ -109,10 +113,18 @@ impl Over {
     /// The most nodes over `count`: see `wgsl/bvh_collapse.wgsl`.
     pub fn most_nodes(self, count: u32) -> u32 {
         match self {
-            Self::Triangles => most_nodes(count),
+            Self::Triangles | Self::AlphaTested => most_nodes(count),
             Self::Instances => {
                 1 + (4 * count).saturating_sub(8) / 7 + if count > 1 { count } else { 0 }
             }
+        }
+    }
+
+    /// What a triangle takes, and what those are, for errors.
+    fn triangle_texels(self) -> (u32, &'static str) {
+        match self {
+            Self::AlphaTested => (ALPHA_TESTED_TEXELS, "rows of 819 triangles each"),
+            _ => (TRIANGLE_TEXELS, "rows of 1365 triangles each"),
         }
     }
 }
@@ -184,14 +196,12 @@ impl TriangleBvh {
 
 impl NodePool {
     /// Room for so many nodes and triangles.
-    pub fn new(device: &Device, nodes: u32, triangles: u32) -> Result<Self, Error> {
+    pub fn new(device: &Device, over: Over, nodes: u32, triangles: u32) -> Result<Self, Error> {
         let of_nodes = ("deep-screen-space bvh nodes", "rows of 819 nodes each");
         let node_texture = texels(device, of_nodes, nodes, NODE_TEXELS)?;
-        let of_triangles = (
-            "deep-screen-space bvh triangles",
-            "rows of 1365 triangles each",
-        );
-        let triangle_texture = texels(device, of_triangles, triangles, TRIANGLE_TEXELS)?;
+        let (texels_each, rows) = over.triangle_texels();
+        let of_triangles = ("deep-screen-space bvh triangles", rows);
+        let triangle_texture = texels(device, of_triangles, triangles, texels_each)?;
         let view = |texture: &Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
         Ok(Self {
             nodes: view(&node_texture),
@@ -404,7 +414,7 @@ impl BvhPass {
     pub fn create(&self, device: &Device, capacity: u32) -> Result<TriangleBvh, Error> {
         let workspace = self.workspace(device, capacity)?;
         Ok(TriangleBvh {
-            pool: NodePool::new(device, self.over.most_nodes(capacity), capacity)?,
+            pool: NodePool::new(device, self.over, self.over.most_nodes(capacity), capacity)?,
             workspace,
             kept: Kept::default(),
         })
@@ -419,18 +429,40 @@ impl BvhPass {
         bvh: &TriangleBvh,
         timestamps: Option<Timestamps<'_>>,
     ) {
-        let mut groups = bvh.kept.groups(device);
-        let stages = self.bind(&mut groups, &bvh.workspace, primitives, &bvh.pool);
+        let stages = self.bind_to(device, primitives, None, bvh);
         let mut pass = compute_pass(encoder, LABEL, timestamps);
         self.dispatch(&mut pass, &bvh.workspace, &stages);
     }
 
-    /// Binds what a building reads and writes. `counters` tell how many `primitives` there are.
+    /// Binds what the building of a hierarchy reads and writes.
+    pub fn bind_to(
+        &self,
+        device: &Device,
+        primitives: (&Buffer, &Buffer),
+        cutouts: Option<&Buffer>,
+        bvh: &TriangleBvh,
+    ) -> Stages {
+        let mut groups = bvh.kept.groups(device);
+        self.bind(
+            &mut groups,
+            &bvh.workspace,
+            (primitives, cutouts),
+            &bvh.pool,
+        )
+    }
+
+    /// Records the building of a hierarchy into a pass that is begun.
+    pub fn dispatch_to(&self, pass: &mut ComputePass<'_>, bvh: &TriangleBvh, stages: &Stages) {
+        self.dispatch(pass, &bvh.workspace, stages);
+    }
+
+    /// Binds what a building reads and writes. `counters` tell how many `primitives` there are; `cutouts` are the holes that they
+    /// have, for [`Over::AlphaTested`].
     pub fn bind(
         &self,
         groups: &mut Groups<'_>,
         workspace: &Workspace,
-        (primitives, counters): (&Buffer, &Buffer),
+        ((primitives, counters), cutouts): ((&Buffer, &Buffer), Option<&Buffer>),
         pool: &NodePool,
     ) -> Stages {
         let Workspace { state, order, .. } = workspace;
@@ -481,9 +513,10 @@ impl BvhPass {
                     ("tasks", whole(&workspace.tasks)),
                     ("nodes", binding::view(&pool.nodes)),
                 ];
-                if self.over == Over::Triangles {
+                if self.over != Over::Instances {
                     resources.push(("triangles", binding::view(&pool.triangles)));
                 }
+                resources.extend(cutouts.map(|cutouts| ("cutouts", whole(cutouts))));
                 groups.next(&self.collapse_layout, &resources)
             })
             .collect();
@@ -527,5 +560,10 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
         let instances = name_of(stage, &[(true, "instances")]);
         all.add(&instances, source(stage, Over::Instances)?);
     }
+    let collapse = "bvh_collapse";
+    all.add(
+        &name_of(collapse, &[(true, "alpha tested")]),
+        source(collapse, Over::AlphaTested)?,
+    );
     Ok(())
 }

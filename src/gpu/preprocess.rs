@@ -20,6 +20,7 @@ use std::collections::BTreeSet;
 pub(crate) const FLAGS: &[&str] = &[
     "ACCUMULATE",
     "ALBEDO",
+    "ALPHA_TESTED",
     "AREAS",
     "AVERAGE",
     "BENT",

@@ -9,20 +9,29 @@ use wgpu::{Buffer, BufferUsages, CommandEncoder, ComputePass, ComputePipeline, D
 
 use self::params::PlaceParams;
 use crate::{
-    bvh::triangles::{BvhPass, NodePool, Over, Workspace},
+    alpha_test::{
+        AlphaMaps, bound, check_window, create_cutouts,
+        params::AlphaTestParams,
+        settings::{AlphaTest, AlphaTests},
+        window_of,
+    },
+    bvh::{
+        Primitives,
+        triangles::{BvhPass, NodePool, Over, Workspace},
+    },
     camera::Camera,
     effect::Listing,
     error::{Error, check_limit, check_setting},
     geometry::{Geometry, Mesh},
     gpu::{
         Kernel, Timestamps, WORKGROUP,
-        binding::{self, Group, Kept, Layout, whole},
+        binding::{self, Group, Kept, Layout, Named, whole},
         check_timestamps,
         compiler::Compiler,
         compute_pass, dispatch, shader, storage,
         uniforms::{Parameters, Uniforms},
     },
-    mesh_binding::{MeshBinding, check_bound, windows},
+    mesh_binding::{MeshBinding, Window, check_bound, windows},
     recorded::{Recordings, Stamp},
     surfel::{Piece, SurfelCounts},
 };
@@ -68,6 +77,9 @@ pub struct InstancedBvhInput<'a> {
     pub camera: &'a Camera,
     /// The meshes to be built anew. One that was never built is, in any case.
     pub changed: ChangedMeshes<'a>,
+    /// Which triangles have holes, with [`Primitives::AlphaTestedInstances`]: none of them without. A mesh whose test is another
+    /// than when it was built is built anew; one whose texture coordinates alone changed is to be among `changed`.
+    pub alpha_tests: Option<AlphaTests<'a>>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -79,6 +91,7 @@ impl<'a> InstancedBvhInput<'a> {
             geometry,
             camera,
             changed: ChangedMeshes::None,
+            alpha_tests: None,
             timestamps: None,
         }
     }
@@ -114,6 +127,8 @@ crate::reflection::same_as_wgsl!(
 #[derive(Debug)]
 pub struct InstancedBvh {
     pool: NodePool,
+    /// Where triangles may have holes.
+    maps: Option<AlphaMaps>,
     meshes: Vec<MeshRoom>,
     /// By size, each for meshes of up to four times as many triangles as the one before.
     workshops: Vec<Workshop>,
@@ -136,7 +151,8 @@ struct MeshRoom {
     first_triangle: u32,
     /// Which of the workshops builds it.
     workshop: usize,
-    built: bool,
+    /// With which test it was built, if it was: all zero where it has no holes.
+    built: Option<AlphaTestParams>,
 }
 
 /// What builds meshes of some size.
@@ -144,6 +160,8 @@ struct MeshRoom {
 struct Workshop {
     workspace: Workspace,
     pieces: Buffer,
+    /// Where triangles may have holes.
+    cutouts: Option<Buffer>,
     counters: Buffer,
     /// Of the stages, and of the meshes that were built last.
     kept: Kept,
@@ -154,8 +172,10 @@ impl InstancedBvh {
     /// GPU memory that it owns, bytes.
     pub fn memory_bytes(&self) -> u64 {
         let workshops = self.workshops.iter();
-        let workshops =
-            workshops.map(|w| w.workspace.bytes() + w.pieces.size() + w.counters.size());
+        let workshops = workshops.map(|w| {
+            let cutouts = w.cutouts.as_ref().map_or(0, Buffer::size);
+            w.workspace.bytes() + w.pieces.size() + cutouts + w.counters.size()
+        });
         let buffers = [
             &self.instances,
             &self.instance_counters,
@@ -188,9 +208,37 @@ impl InstancedBvh {
             && meshes.iter().zip(&self.meshes).all(fits)
     }
 
-    /// What rays read.
-    pub(crate) fn pool(&self) -> &NodePool {
-        &self.pool
+    /// What it is over.
+    fn primitives(&self) -> Primitives {
+        match self.maps {
+            None => Primitives::Instances,
+            Some(_) => Primitives::AlphaTestedInstances,
+        }
+    }
+
+    /// [`Error::Mismatch`] where it is over others.
+    pub(crate) fn check_primitives(&self, needed: Primitives) -> Result<(), Error> {
+        if self.primitives() == needed {
+            return Ok(());
+        }
+        let named = |primitives: Primitives| format!("Primitives::{primitives:?}");
+        Err(Error::Mismatch {
+            name: NAME,
+            found: named(self.primitives()),
+            needed: named(needed),
+        })
+    }
+
+    /// What a shader binds to trace it. [`Error::Mismatch`] where it was assembled for other primitives.
+    pub(crate) fn traced(&self, primitives: Primitives) -> Result<Vec<Named<'_>>, Error> {
+        self.check_primitives(primitives)?;
+        let mut resources = vec![
+            ("nodes", binding::view(&self.pool.nodes)),
+            ("triangles", binding::view(&self.pool.triangles)),
+        ];
+        let maps = self.maps.as_ref();
+        resources.extend(maps.map(|maps| ("alpha_maps", binding::view(maps.view()))));
+        Ok(resources)
     }
 
     /// Its last recording, for what is recorded from it.
@@ -216,6 +264,7 @@ pub struct InstancedBvhBuilder {
     meshes: BvhPass,
     top: BvhPass,
     uniforms: Uniforms,
+    alpha_tested: bool,
 }
 
 impl InstancedBvhBuilder {
@@ -224,14 +273,26 @@ impl InstancedBvhBuilder {
     /// # Errors
     /// [`Error::Limit`] where the device was made with less than that.
     pub fn new<'a>(compiler: impl Into<Compiler<'a>>) -> Result<Self, Error> {
-        let Compiler { device, cache } = compiler.into();
+        Self::create_pipelines(compiler.into(), false)
+    }
+
+    /// The same for triangles of which some have holes: [`Primitives::AlphaTestedInstances`].
+    ///
+    /// # Errors
+    /// As [`InstancedBvhBuilder::new`].
+    pub fn alpha_tested<'a>(compiler: impl Into<Compiler<'a>>) -> Result<Self, Error> {
+        Self::create_pipelines(compiler.into(), true)
+    }
+
+    fn create_pipelines(compiler: Compiler<'_>, alpha_tested: bool) -> Result<Self, Error> {
+        let Compiler { device, cache } = compiler;
         check_limit(
             "max_storage_buffers_per_shader_stage",
             u64::from(device.limits().max_storage_buffers_per_shader_stage),
-            6,
+            if alpha_tested { 8 } else { 6 },
             LABEL,
         )?;
-        let module = shader::create(device, LABEL, source()?);
+        let module = shader::create(device, LABEL, source(alpha_tested)?);
         let piece_layout = module.layout(device, &["make_pieces"]);
         let place_layout = module.layout(device, &["place_instances"]);
         let kernel = |entry, layout: &Layout| {
@@ -248,7 +309,8 @@ impl InstancedBvhBuilder {
         Ok(Self {
             make_pieces: kernel("make_pieces", &piece_layout),
             place_instances: kernel("place_instances", &place_layout),
-            meshes: BvhPass::new(device, cache, Over::Triangles)?,
+            meshes: BvhPass::new(device, cache, over(alpha_tested))?,
+            alpha_tested,
             top: BvhPass::new(device, cache, Over::Instances)?,
             uniforms: Uniforms::new(LABEL),
             piece_layout,
@@ -303,13 +365,13 @@ impl InstancedBvhBuilder {
                 first_node: nodes as u32,
                 first_triangle: triangles as u32,
                 workshop,
-                built: false,
+                built: None,
             });
             if own > 0 {
                 largest.resize(largest.len().max(workshop + 1), 0);
                 largest[workshop] = largest[workshop].max(own);
             }
-            nodes += u64::from(Over::Triangles.most_nodes(own));
+            nodes += u64::from(over(self.alpha_tested).most_nodes(own));
             triangles += u64::from(own);
         }
         for (count, field) in [
@@ -318,7 +380,8 @@ impl InstancedBvhBuilder {
         ] {
             check_setting(count <= MOST, field, count as f64, "up to 2^24")?;
         }
-        let pool = NodePool::new(device, nodes as u32, triangles as u32)?;
+        let holes = over(self.alpha_tested);
+        let pool = NodePool::new(device, holes, nodes as u32, triangles as u32)?;
         let counters = || {
             storage(
                 device,
@@ -336,6 +399,10 @@ impl InstancedBvhBuilder {
                     size_of::<Piece>() as u64 * u64::from(triangles.max(1)),
                     BufferUsages::empty(),
                 )?,
+                cutouts: self
+                    .alpha_tested
+                    .then(|| create_cutouts(device, triangles))
+                    .transpose()?,
                 counters: counters()?,
                 kept: Kept::default(),
                 kept_meshes: Kept::default(),
@@ -343,6 +410,7 @@ impl InstancedBvhBuilder {
         });
         Ok(InstancedBvh {
             pool,
+            maps: self.alpha_tested.then(|| AlphaMaps::none(device)),
             workshops: workshops.collect::<Result<_, Error>>()?,
             top: self.top.workspace(device, instances.max(1))?,
             instances: storage(
@@ -388,7 +456,15 @@ impl InstancedBvhBuilder {
         bvh: &mut InstancedBvh,
     ) -> Result<(), Error> {
         check_timestamps(input.timestamps)?;
-        bvh.check(input)?;
+        bvh.check(device, input)?;
+        if bvh.maps.is_some() != self.alpha_tested {
+            let needed = if self.alpha_tested {
+                Primitives::AlphaTestedInstances
+            } else {
+                Primitives::Instances
+            };
+            return bvh.check_primitives(needed);
+        }
         let origin = input.camera.focus();
         let mut parameters = Parameters::new(device);
         let mut drawn = Vec::with_capacity(bvh.meshes.len());
@@ -416,11 +492,16 @@ impl InstancedBvhBuilder {
                 ("mesh", parameters.add(&binding.params)),
                 ("place", parameters.add(&place)),
             ];
-            drawn.push((index, mesh, binding, places));
+            let holes = Holes::of(input.alpha_tests.as_ref(), index, mesh);
+            let alpha = (self.alpha_tested).then(|| parameters.add(&holes.params));
+            drawn.push((index, mesh, binding, places, (holes, alpha)));
         }
 
         bvh.recordings.advance();
         bvh.origin = origin;
+        if let (Some(maps), Some(tests)) = (&mut bvh.maps, &input.alpha_tests) {
+            maps.set(tests);
+        }
         encoder.clear_buffer(&bvh.counts, 0, None);
         encoder.clear_buffer(&bvh.instance_counters, 0, None);
         let parameters = self.uniforms.upload(device, encoder, &parameters);
@@ -428,25 +509,35 @@ impl InstancedBvhBuilder {
         // Those of a workshop follow each other.
         for at in 0..bvh.workshops.len() {
             let rooms = &bvh.meshes;
-            let built = drawn.iter().filter(|(index, ..)| {
+            let built = drawn.iter().filter(|(index, .., (holes, _))| {
                 let room = &rooms[*index];
-                room.workshop == at && (!room.built || input.changed.has(*index))
+                let is_built = room.built == Some(holes.params);
+                room.workshop == at && (!is_built || input.changed.has(*index))
             });
             let workshop = &bvh.workshops[at];
             let mut groups = workshop.kept_meshes.groups(device);
             let pieces: Vec<(u32, Group)> = built
-                .map(|(_, mesh, binding, [params, place])| {
+                .map(|(_, mesh, binding, [params, place], (holes, alpha))| {
                     let [vertices, indices, _] = windows(mesh, binding);
-                    let resources = [
+                    let mut resources = vec![
                         (params.0, parameters.at(params.1)),
                         (place.0, parameters.at(place.1)),
-                        ("vertices", vertices),
+                        ("vertices", vertices.clone()),
                         ("indices", indices),
                         ("counters", whole(&workshop.counters)),
                         ("state", whole(&workshop.workspace.state)),
                         ("pieces", whole(&workshop.pieces)),
                         ("anchors", whole(&bvh.anchors)),
                     ];
+                    if let (Some(alpha), Some(cutouts)) = (alpha, &workshop.cutouts) {
+                        let coords = holes.test.map(|(test, window)| bound(&test, window));
+                        resources.extend([
+                            ("alpha_test", parameters.at(*alpha)),
+                            // A layout has no optional bindings: without a test these are never read.
+                            ("tex_coords", coords.unwrap_or(vertices)),
+                            ("cutouts", whole(cutouts)),
+                        ]);
+                    }
                     let group = groups.next(&self.piece_layout, &resources);
                     (mesh.triangles(), group)
                 })
@@ -456,12 +547,12 @@ impl InstancedBvhBuilder {
                 self.build(device, &mut pass, workshop, &bvh.pool, &pieces);
             }
         }
-        for (index, ..) in &drawn {
-            bvh.meshes[*index].built = true;
+        for (index, .., (holes, _)) in &drawn {
+            bvh.meshes[*index].built = Some(holes.params);
         }
 
         let mut groups = bvh.kept.groups(device);
-        for (_, mesh, binding, [params, place]) in &drawn {
+        for (_, mesh, binding, [params, place], _) in &drawn {
             let [_, _, transforms] = windows(mesh, binding);
             let resources = [
                 (params.0, parameters.at(params.1)),
@@ -478,7 +569,7 @@ impl InstancedBvhBuilder {
             let count = mesh.instance_count().div_ceil(WORKGROUP);
             dispatch(&mut pass, &self.place_instances, &group, count);
         }
-        let primitives = (&bvh.instances, &bvh.instance_counters);
+        let primitives = ((&bvh.instances, &bvh.instance_counters), None);
         let stages = self.top.bind(&mut groups, &bvh.top, primitives, &bvh.pool);
         drop(groups);
         self.top.dispatch(&mut pass, &bvh.top, &stages);
@@ -495,6 +586,7 @@ impl InstancedBvhBuilder {
         meshes: &[(u32, Group)],
     ) {
         let primitives = (&workshop.pieces, &workshop.counters);
+        let primitives = (primitives, workshop.cutouts.as_ref());
         let mut groups = workshop.kept.groups(device);
         let stages = self
             .meshes
@@ -520,8 +612,18 @@ impl ChangedMeshes<'_> {
 
 impl InstancedBvh {
     /// Checks that there is room for an input.
-    fn check(&self, input: &InstancedBvhInput<'_>) -> Result<(), Error> {
+    fn check(&self, device: &Device, input: &InstancedBvhInput<'_>) -> Result<(), Error> {
         let meshes = input.geometry.meshes;
+        if let Some(tests) = &input.alpha_tests {
+            if self.maps.is_none() {
+                return Err(Error::Mismatch {
+                    name: "InstancedBvhInput::alpha_tests",
+                    found: "triangles with holes".into(),
+                    needed: "none, without Primitives::AlphaTestedInstances".into(),
+                });
+            }
+            tests.validate(device, meshes)?;
+        }
         let instances = meshes
             .iter()
             .map(|m| u64::from(m.instance_count()))
@@ -544,6 +646,9 @@ impl InstancedBvh {
                 if let Some(buffer) = buffer {
                     binding::check_own(name, buffer, [&self.counts])?;
                 }
+            }
+            if let Some(test) = input.alpha_tests.as_ref().and_then(|tests| tests.of(index)) {
+                check_window(device, window_of(test, mesh.vertices.count))?;
             }
             if mesh.triangles() > room.triangles {
                 return Err(Error::Mismatch {
@@ -578,14 +683,48 @@ fn workshop_for(triangles: u32) -> usize {
     ((blocks - 1).checked_ilog2().map_or(0, |log| log + 1)).div_ceil(2) as usize
 }
 
+/// What a mesh's own hierarchy is over.
+fn over(alpha_tested: bool) -> Over {
+    if alpha_tested {
+        Over::AlphaTested
+    } else {
+        Over::Triangles
+    }
+}
+
+/// The holes of a mesh's triangles.
+struct Holes<'a> {
+    test: Option<(AlphaTest<'a>, Window)>,
+    params: AlphaTestParams,
+}
+
+impl<'a> Holes<'a> {
+    fn of(tests: Option<&AlphaTests<'a>>, index: usize, mesh: &Mesh<'_>) -> Self {
+        let none = Self {
+            test: None,
+            params: AlphaTestParams::default(),
+        };
+        let Some((tests, test)) = tests.and_then(|tests| Some((tests, tests.of(index)?))) else {
+            return none;
+        };
+        let window = window_of(test, mesh.vertices.count);
+        Self {
+            test: Some((*test, window)),
+            params: AlphaTestParams::new(tests, test, window),
+        }
+    }
+}
+
 /// Assembles the module.
-fn source() -> Result<String, Error> {
-    shader::assemble("instanced_bvh", SOURCE, &[], &[])
+fn source(alpha_tested: bool) -> Result<String, Error> {
+    let flags = over(alpha_tested).flags();
+    shader::assemble("instanced_bvh", SOURCE, flags, &[])
 }
 
 /// Every module of the pass.
 pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
-    all.add("instanced_bvh", source()?);
+    all.add("instanced_bvh", source(false)?);
+    all.add("instanced_bvh alpha tested", source(true)?);
     Ok(())
 }
 

@@ -4,7 +4,7 @@ use wgpu::{Buffer, CommandEncoder, Device};
 
 use crate::{
     bounced_z_buffer::descriptor::HitLighting,
-    bvh::Bvh,
+    bvh::{Bvh, Primitives},
     error::{Error, check_setting},
     gpu::compiler::Compiler,
     surfel::SurfelCloud,
@@ -145,12 +145,16 @@ impl SurfelLights {
 pub(super) type Lit<'a> = (&'a SurfelCloud, &'a Bvh, &'a SurfelLights);
 
 impl BouncePasses {
-    pub fn new(compiler: Compiler<'_>, settings: BounceSettings) -> Result<Self, Error> {
+    pub fn new(
+        compiler: Compiler<'_>,
+        primitives: Primitives,
+        settings: BounceSettings,
+    ) -> Result<Self, Error> {
         settings.validate()?;
         Ok(Self {
             settings,
-            shader: SurfelShader::new(compiler)?,
-            gatherer: SurfelGatherer::new(compiler)?,
+            shader: SurfelShader::with_primitives(compiler, primitives)?,
+            gatherer: SurfelGatherer::with_primitives(compiler, primitives)?,
         })
     }
 

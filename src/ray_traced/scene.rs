@@ -7,8 +7,9 @@ use super::{
     counts::Readback,
 };
 use crate::{
+    alpha_test::settings::AlphaTests,
     bounced_z_buffer::descriptor::{BouncedScene, HitLighting},
-    bvh::{Bvh, BvhBuilder, Primitives},
+    bvh::{AlphaTestedInput, Bvh, BvhBuilder, Primitives},
     camera::Camera,
     error::{Error, check_setting},
     geometry::Geometry,
@@ -31,6 +32,7 @@ use crate::{
 #[derive(Debug)]
 pub struct RayTracedScene {
     levels: Levels,
+    primitives: Primitives,
     materials: Option<Buffer>,
     lights: Vec<Light>,
 }
@@ -75,11 +77,15 @@ pub struct RayTracedSceneInput<'a> {
     /// How far effects look from what is seen, world units: the largest radius of the views' ambient occlusion, and
     /// `f32::INFINITY` for indirect light.
     pub reach: f32,
-    /// With [`Primitives::Instances`] the meshes to be built anew: those whose vertices are others. All are where the number of
-    /// meshes changes, or one has more triangles than before. Of no use otherwise.
+    /// With primitives of instances the meshes to be built anew: those whose vertices are others, by skinning, say. All are where
+    /// the number of meshes changes, or one has more triangles than before. Of no use otherwise: a hierarchy over all instances
+    /// is built of the vertices that the buffers have when the GPU runs the recording, each time.
     pub changed: ChangedMeshes<'a>,
     /// What lights the surfaces that rays meet, for views of indirect light.
     pub lighting: Option<HitLighting<'a>>,
+    /// Which triangles have holes, for a scene made for [`Primitives::AlphaTested`] or [`Primitives::AlphaTestedInstances`]: none
+    /// of them without.
+    pub alpha_tests: Option<AlphaTests<'a>>,
     /// Where to write begin and end times of making the triangles, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -94,6 +100,7 @@ impl<'a> RayTracedSceneInput<'a> {
             reach: f32::INFINITY,
             changed: ChangedMeshes::None,
             lighting: None,
+            alpha_tests: None,
             timestamps: None,
         }
     }
@@ -109,8 +116,9 @@ impl RayTracedScene {
     }
 
     /// The same for views that are made for other primitives than [`Primitives::Triangles`]: `Primitives::RayQuery`, or
-    /// [`Primitives::Instances`] for the meshes' triangles, of which [`RayTracedSceneInput::changed`] says which are built. With
-    /// these nothing is culled.
+    /// [`Primitives::Instances`] for the meshes' triangles, of which [`RayTracedSceneInput::changed`] says which are built, with
+    /// which nothing is culled; and either with holes in triangles, [`Primitives::AlphaTested`] and
+    /// [`Primitives::AlphaTestedInstances`].
     ///
     /// # Errors
     /// [`Error::Setting`] for [`Primitives::Disks`], as there are no surfels; [`Error::Feature`] and [`Error::Limit`] for what
@@ -127,14 +135,14 @@ impl RayTracedScene {
     /// get surfels; what [`RayTracedSceneInput::cull_by`] leaves out neither sends nor hides.
     ///
     /// # Errors
-    /// As [`RayTracedScene::with_primitives`]; what [`BounceSettings::validate`] finds; and [`Error::Setting`] for
-    /// [`Primitives::Instances`], as there are no surfels.
+    /// As [`RayTracedScene::with_primitives`]; what [`BounceSettings::validate`] finds; and [`Error::Setting`] for primitives of
+    /// instances, as there are no surfels.
     pub fn with_bounces<'a>(
         compiler: impl Into<Compiler<'a>>,
         primitives: Primitives,
         bounces: BounceSettings,
     ) -> Result<Self, Error> {
-        let instances = primitives == Primitives::Instances;
+        let instances = primitives.are_instances();
         check_setting(
             !instances,
             "RayTracedScene::with_bounces",
@@ -155,14 +163,19 @@ impl RayTracedScene {
             f64::from(u8::from(primitives.are_disks())),
             "primitives that are triangles",
         )?;
-        let levels = if primitives == Primitives::Instances {
-            Levels::Two(Box::new(InstancedBvhBuilder::new(compiler)?), None)
+        let levels = if primitives.are_instances() {
+            let builder = if primitives.are_alpha_tested() {
+                InstancedBvhBuilder::alpha_tested(compiler)
+            } else {
+                InstancedBvhBuilder::new(compiler)
+            };
+            Levels::Two(Box::new(builder?), None)
         } else {
             Levels::One(Box::new(OneLevel {
                 surfelizer: Surfelizer::new(compiler)?,
                 builder: BvhBuilder::new(compiler, primitives)?,
                 bounces: bounces
-                    .map(|bounces| BouncePasses::new(compiler, bounces))
+                    .map(|bounces| BouncePasses::new(compiler, primitives, bounces))
                     .transpose()?,
                 room: None,
                 before: None,
@@ -172,6 +185,7 @@ impl RayTracedScene {
         };
         Ok(Self {
             levels,
+            primitives,
             materials: None,
             lights: Vec::new(),
         })
@@ -180,10 +194,10 @@ impl RayTracedScene {
     /// Records the scene of a frame.
     ///
     /// # Errors
-    /// What [`Surfelizer::record`] or [`InstancedBvhBuilder::record`] find of the geometry and the cameras, and
-    /// [`Light::validate`] of lights; [`Error::Setting`]
-    /// for the reach; [`Error::Limit`] for more triangles than the device can bind. What was recorded before stays, unless
-    /// the room had to grow: then views refuse the scene until it is recorded.
+    /// What [`Surfelizer::record`] or [`InstancedBvhBuilder::record`] find of the geometry and the cameras, [`Light::validate`]
+    /// of lights and [`AlphaTests::validate`] of holes; [`Error::Mismatch`] for holes that the scene was not made for;
+    /// [`Error::Setting`] for the reach; [`Error::Limit`] for more triangles than the device can bind. What was recorded before
+    /// stays, unless the room had to grow: then views refuse the scene until it is recorded.
     pub fn record(
         &mut self,
         device: &Device,
@@ -198,6 +212,17 @@ impl RayTracedScene {
         )?;
         for light in input.lighting.iter().flat_map(|lighting| lighting.lights) {
             light.validate()?;
+        }
+        if input.alpha_tests.is_some() && !self.primitives.are_alpha_tested() {
+            return Err(Error::Mismatch {
+                name: "RayTracedSceneInput::alpha_tests",
+                found: "triangles with holes".into(),
+                needed: "Primitives::AlphaTested or AlphaTestedInstances of the scene, or none"
+                    .into(),
+            });
+        }
+        if let Some(tests) = &input.alpha_tests {
+            tests.validate(device, input.geometry.meshes)?;
         }
         match &mut self.levels {
             Levels::One(level) => level.record(device, encoder, input)?,
@@ -297,6 +322,7 @@ fn record_instances(
     };
     let instanced = InstancedBvhInput {
         changed: input.changed,
+        alpha_tests: input.alpha_tests,
         timestamps: input.timestamps,
         ..InstancedBvhInput::new(input.geometry, input.camera)
     };
@@ -362,7 +388,19 @@ impl OneLevel {
         };
         self.surfelizer
             .record(device, encoder, &surfelize, &settings, cloud)?;
-        self.builder.record(device, encoder, cloud, bvh, None)?;
+        match input.alpha_tests {
+            Some(tests) => {
+                let input = AlphaTestedInput {
+                    geometry: input.geometry,
+                    tests,
+                    cloud,
+                    timestamps: None,
+                };
+                self.builder
+                    .record_alpha_tested(device, encoder, &input, bvh)?;
+            }
+            None => self.builder.record(device, encoder, cloud, bvh, None)?,
+        }
         self.readback.record(device, encoder, cloud.counters());
         if let (Some(passes), Some(lights), Some(lighting)) =
             (&self.bounces, lights, &input.lighting)

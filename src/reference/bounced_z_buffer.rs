@@ -78,6 +78,15 @@ pub fn to_camera(camera: &Camera, origin: DVec3, point: DVec3) -> DVec3 {
 /// `end_size` is the size of the coordinates of the light that the ray ends at, if it does: a triangle that the light lies
 /// on is met beyond it.
 pub fn meet(ray: &Ray, triangle: &Triangle, end_size: Option<f64>) -> Option<f64> {
+    meet_at(ray, triangle, end_size).map(|(t, _)| t)
+}
+
+/// The same, with weights of the triangle's second and third corner.
+pub(super) fn meet_at(
+    ray: &Ray,
+    triangle: &Triangle,
+    end_size: Option<f64>,
+) -> Option<(f64, [f64; 2])> {
     let a = triangle.a;
     let e1 = triangle.b - a;
     let e2 = triangle.c - a;
@@ -100,22 +109,33 @@ pub fn meet(ray: &Ray, triangle: &Triangle, end_size: Option<f64>) -> Option<f64
     }
     let inside =
         u >= -slack && v >= -slack && u + v <= 1.0 + slack && ahead > 0.0 && det.abs() > 1e-35;
-    inside.then_some(t)
+    inside.then_some((t, [u, v]))
 }
 
 /// The nearest hit closer than `t_max`.
 pub fn nearest(ray: &Ray, pieces: &[Piece], t_max: f64) -> Option<Hit> {
-    traverse(ray, None, pieces, t_max)
+    traverse(ray, None, pieces, t_max, |_, _| true)
 }
 
 /// Whether a light reaches a point off a surface.
 pub fn unshadowed(point: DVec3, light: &Light, pieces: &[Piece]) -> bool {
+    unshadowed_where(point, light, pieces, |_, _| true)
+}
+
+/// The same among pieces that are where `is_there` says.
+pub(super) fn unshadowed_where(
+    point: DVec3,
+    light: &Light,
+    pieces: &[Piece],
+    is_there: impl Fn(usize, [f64; 2]) -> bool,
+) -> bool {
     let way = arrival(light, point);
     let ray = Ray {
         origin: point,
         direction: way.to_light,
     };
-    traverse(&ray, end_size_of(light), pieces, way.distance.min(FAR)).is_none()
+    let t_max = way.distance.min(FAR);
+    traverse(&ray, end_size_of(light), pieces, t_max, is_there).is_none()
 }
 
 /// The size of the coordinates of a light that rays end at.
@@ -155,12 +175,20 @@ pub(super) fn lit_surface(
     ((own + sanitize(material.albedo) * irradiance) / PI).min(DVec3::splat(BRIGHTEST))
 }
 
-fn traverse(ray: &Ray, end_size: Option<f64>, pieces: &[Piece], t_max: f64) -> Option<Hit> {
+/// The nearest hit of a piece that is there, at a place that weights of its second and third corner say.
+pub(super) fn traverse(
+    ray: &Ray,
+    end_size: Option<f64>,
+    pieces: &[Piece],
+    t_max: f64,
+    is_there: impl Fn(usize, [f64; 2]) -> bool,
+) -> Option<Hit> {
     let mut hit = None;
     let mut closest = t_max;
     for (piece, candidate) in pieces.iter().enumerate() {
-        if let Some(t) = meet(ray, &candidate.corners, end_size)
+        if let Some((t, place)) = meet_at(ray, &candidate.corners, end_size)
             && t < closest
+            && is_there(piece, place)
         {
             closest = t;
             hit = Some(Hit { t, piece });
@@ -426,11 +454,22 @@ impl Tracing<'_> {
 
     /// What a hit sends back along its ray.
     pub fn lit_at(&self, ray: &Ray, hit: &Hit, materials: &[Material], lights: &[Light]) -> DVec3 {
+        let reaches = |point, light: &Light| unshadowed(point, light, self.pieces);
+        self.lit_where(ray, hit, (materials, lights), reaches)
+    }
+
+    /// The same where `reaches` tells whether a light reaches a point.
+    pub(super) fn lit_where(
+        &self,
+        ray: &Ray,
+        hit: &Hit,
+        (materials, lights): (&[Material], &[Light]),
+        reaches: impl Fn(DVec3, &Light) -> bool,
+    ) -> DVec3 {
         let piece = &self.pieces[hit.piece];
         let t = piece.corners;
         let normal = (t.b - t.a).cross(t.c - t.a);
         let material = &materials[(piece.material as usize).min(materials.len() - 1)];
-        let reaches = |point, light: &Light| unshadowed(point, light, self.pieces);
         lit_surface((ray, hit.t), normal, material, lights, reaches)
     }
 }

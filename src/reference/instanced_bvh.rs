@@ -106,7 +106,7 @@ fn ray_within(ray: &Ray, end_size: Option<f64>, instance: &Instance<'_>) -> With
 }
 
 /// Where such a ray meets a triangle, from either side.
-fn meet(within: &Within, triangle: &Triangle) -> Option<f64> {
+fn meet(within: &Within, triangle: &Triangle) -> Option<(f64, [f64; 2])> {
     let Within { ray, reach, .. } = within;
     let a = triangle.a;
     let e1 = triangle.b - a;
@@ -136,12 +136,23 @@ fn meet(within: &Within, triangle: &Triangle) -> Option<f64> {
         && u + v <= 1.0 + slack
         && ahead > least
         && det.abs() > 1e-35;
-    inside.then_some(t)
+    inside.then_some((t, [u, v]))
 }
 
 /// The nearest hit closer than `t_max`.
 pub fn nearest(ray: &Ray, instances: &[Instance<'_>], t_max: f64) -> Option<Hit> {
-    traverse(ray, None, instances, t_max)
+    nearest_where(ray, instances, t_max, |_, _, _| true)
+}
+
+/// The same among triangles that are where `is_there` says, of an instance, a triangle and weights of its second and third
+/// corner.
+pub(super) fn nearest_where(
+    ray: &Ray,
+    instances: &[Instance<'_>],
+    t_max: f64,
+    is_there: impl Fn(usize, usize, [f64; 2]) -> bool,
+) -> Option<Hit> {
+    traverse(ray, None, instances, t_max, is_there)
 }
 
 /// Whether a light reaches a point off a surface.
@@ -151,7 +162,8 @@ pub fn unshadowed(point: DVec3, light: &Light, instances: &[Instance<'_>]) -> bo
         origin: point,
         direction: way.to_light,
     };
-    traverse(&ray, end_size_of(light), instances, way.distance.min(FAR)).is_none()
+    let t_max = way.distance.min(FAR);
+    traverse(&ray, end_size_of(light), instances, t_max, |_, _, _| true).is_none()
 }
 
 fn traverse(
@@ -159,14 +171,16 @@ fn traverse(
     end_size: Option<f64>,
     instances: &[Instance<'_>],
     t_max: f64,
+    is_there: impl Fn(usize, usize, [f64; 2]) -> bool,
 ) -> Option<Hit> {
     let mut hit = None;
     let mut closest = t_max;
     for (instance, candidate) in instances.iter().enumerate() {
         let within = ray_within(ray, end_size, candidate);
         for (triangle, corners) in candidate.triangles.iter().enumerate() {
-            if let Some(t) = meet(&within, corners)
+            if let Some((t, place)) = meet(&within, corners)
                 && t < closest
+                && is_there(instance, triangle, place)
             {
                 closest = t;
                 hit = Some(Hit {

@@ -1,6 +1,7 @@
 //! CPU references (feature `reference`): a mirror in f64 of each pass, which reads line by line like its shader, and the
 //! ray-traced truth.
 
+pub mod alpha_test;
 pub mod bounced_disks;
 pub mod bounced_z_buffer;
 pub mod depth_moments;

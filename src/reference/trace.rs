@@ -28,8 +28,10 @@ use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 use obvhs::ray::{Ray, RayHit};
 use thiserror::Error;
 
+use super::alpha_test::{AlphaMaps, Cutout, Holes, of_scene};
 use super::light::Arrival;
 use crate::Light;
+use crate::scenes::Scene;
 
 pub use ambient_occlusion::Estimate;
 pub use bent_normal::BentEstimate;
@@ -96,6 +98,8 @@ pub struct Tracer {
     /// Of triangles of different sizes.
     trees: Vec<Tree>,
     skipped: usize,
+    /// The holes of triangles, if any have some.
+    holes: Option<(Vec<Option<Cutout>>, AlphaMaps)>,
     /// The larger of the bounding box's diagonal and its largest coordinate.
     magnitude: f64,
 }
@@ -136,8 +140,37 @@ impl Tracer {
             .collect();
         Ok(Self {
             skipped: faces.len() - triangles.len(),
+            holes: None,
             magnitude: Frame::around(&triangles).magnitude(),
             trees: trees_of(triangles),
+        })
+    }
+
+    /// Takes a scene's triangles, with the holes that they have.
+    ///
+    /// # Errors
+    /// As [`Tracer::new`].
+    pub fn of_scene(scene: &Scene) -> Result<Self, TraceError> {
+        let tracer = Self::new(&scene.positions, &scene.indices)?;
+        Ok(match of_scene(scene) {
+            Some((cutouts, maps)) => tracer.with_holes(cutouts, maps),
+            None => tracer,
+        })
+    }
+
+    /// The same with holes in triangles: those of each, counted in the index list, if it has any. Rays pass them.
+    #[must_use]
+    pub fn with_holes(self, cutouts: Vec<Option<Cutout>>, maps: AlphaMaps) -> Self {
+        Self {
+            holes: Some((cutouts, maps)),
+            ..self
+        }
+    }
+
+    /// Whether a triangle is there, where it would be met.
+    fn is_there(&self, hit: &Hit) -> bool {
+        self.holes.as_ref().is_none_or(|(cutouts, maps)| {
+            Holes { cutouts, maps }.is_there(hit.triangle, hit.barycentric)
         })
     }
 
@@ -220,7 +253,8 @@ impl Tracer {
                     match triangle.meet(&line) {
                         Some(hit)
                             if (t_min..t_max).contains(&hit.t)
-                                && nearest.is_none_or(|(old, _)| is_before(&hit, &old)) =>
+                                && nearest.is_none_or(|(old, _)| is_before(&hit, &old))
+                                && self.is_there(&hit) =>
                         {
                             nearest = Some((hit, triangle));
                             span.tree_distance(hit.t)
@@ -271,7 +305,13 @@ impl Tracer {
                 let triangle = &tree.triangles[slot];
                 match triangle.meet(&line) {
                     // Any distance below the ray's end stops the traversal.
-                    Some(hit) if (t_min..t_max).contains(&hit.t) && counts(triangle) => 0.0,
+                    Some(hit)
+                        if (t_min..t_max).contains(&hit.t)
+                            && counts(triangle)
+                            && self.is_there(&hit) =>
+                    {
+                        0.0
+                    }
                     _ => f32::INFINITY,
                 }
             });

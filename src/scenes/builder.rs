@@ -104,6 +104,16 @@ impl Builder {
         self.lattice(material, [1, 1], |i, j| (rows[j][i], normal));
     }
 
+    /// A triangle; its corners run counter-clockwise seen from the side of its normal.
+    pub(super) fn triangle(&mut self, material: MaterialId, corners: [DVec3; 3], normal: DVec3) {
+        let group = &mut self.groups[material.0];
+        let first = group.positions.len() as u32;
+        for corner in corners {
+            group.push_vertex(corner, normal);
+        }
+        group.push_triangle([first, first + 1, first + 2]);
+    }
+
     /// A flat parallelogram from `corner` along `u` and `v`, cut into cells; its front is to the
     /// side of `u` x `v`.
     pub(super) fn grid(
@@ -237,6 +247,7 @@ impl Builder {
             materials: self.materials,
             views,
             ao_radius,
+            holes: None,
         };
         for (material, group) in self.groups.into_iter().enumerate() {
             let first_vertex = scene.positions.len() as u32;

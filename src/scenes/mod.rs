@@ -10,7 +10,9 @@ mod colonnade;
 mod cornell;
 mod dominoes;
 mod fence;
+mod grass;
 mod hash;
+mod holes;
 mod stress;
 #[cfg(test)]
 mod tests;
@@ -20,6 +22,8 @@ pub use colonnade::colonnade;
 pub use cornell::cornell;
 pub use dominoes::dominoes;
 pub use fence::fence;
+pub use grass::{grass, grass_cut_out};
+pub use holes::{HoleTest, Holes};
 pub use stress::{DEFAULT_STRESS_TRIANGLES, MAX_STRESS_TRIANGLES, stress};
 
 /// A triangle mesh in parts, its materials and cameras worth looking from.
@@ -41,6 +45,8 @@ pub struct Scene {
     pub views: Vec<View>,
     /// A radius of ambient occlusion, in metres, that suits the size of what is seen.
     pub ao_radius: f32,
+    /// The holes of alpha-tested triangles, if there are any.
+    pub holes: Option<Holes>,
 }
 
 impl Scene {
@@ -118,6 +124,9 @@ pub struct View {
 
 type Entry = (&'static str, fn() -> Scene);
 
+/// Scenes of one purpose, which are known by their names alone.
+const OF_ONE_PURPOSE: [Entry; 2] = [(grass::NAME, grass), (grass::CUT_OUT_NAME, grass_cut_out)];
+
 const SCENES: [Entry; 6] = [
     (cornell::NAME, cornell),
     (colonnade::NAME, colonnade),
@@ -127,7 +136,7 @@ const SCENES: [Entry; 6] = [
     (stress::NAME, || stress(DEFAULT_STRESS_TRIANGLES)),
 ];
 
-/// Builds every scene, the stress scene with [`DEFAULT_STRESS_TRIANGLES`].
+/// Builds every scene that any method can draw, the stress scene with [`DEFAULT_STRESS_TRIANGLES`].
 pub fn all() -> Vec<Scene> {
     SCENES.iter().map(|(_, build)| build()).collect()
 }
@@ -136,6 +145,7 @@ pub fn all() -> Vec<Scene> {
 pub fn by_name(name: &str) -> Option<Scene> {
     SCENES
         .iter()
+        .chain(&OF_ONE_PURPOSE)
         .find(|(known, _)| *known == name)
         .map(|(_, build)| build())
 }

@@ -5,7 +5,7 @@ use std::collections::{HashMap, HashSet};
 use glam::{DVec3, Vec3};
 
 use super::closed_room::SHELL_MATERIALS;
-use super::{MAX_STRESS_TRIANGLES, Scene, all, by_name, closed_room, stress};
+use super::{MAX_STRESS_TRIANGLES, Scene, all, by_name, closed_room, grass, grass_cut_out, stress};
 
 /// The corner positions of a triangle, in `f64`.
 fn corners(scene: &Scene, triangle: usize) -> [DVec3; 3] {
@@ -23,7 +23,11 @@ fn position(scene: &Scene, index: usize) -> DVec3 {
 /// All scenes, and the stress scene at sizes that do and do not fill its rows.
 fn examined() -> impl Iterator<Item = Scene> {
     let sizes = [0, 7, 100, 1_001, 12_345];
-    all().into_iter().chain(sizes.into_iter().map(stress))
+    let lawns = [grass(), grass_cut_out()];
+    all()
+        .into_iter()
+        .chain(lawns)
+        .chain(sizes.into_iter().map(stress))
 }
 
 #[test]

@@ -42,6 +42,8 @@ const LABEL: &str = "deep-screen-space surfel gatherer";
 #[derive(Debug)]
 pub struct SurfelGatherer {
     gather: Stage,
+    /// Which those rays meet.
+    primitives: Primitives,
     /// Where the device traces rays itself.
     #[cfg(feature = "ray-query")]
     by_device: Option<Stage>,
@@ -106,7 +108,19 @@ impl SurfelGatherer {
     /// # Errors
     /// [`Error::Limit`] where the device was made with less than that.
     pub fn new<'a>(compiler: impl Into<Compiler<'a>>) -> Result<Self, Error> {
+        Self::with_primitives(compiler, Primitives::Triangles)
+    }
+
+    /// The same for rays that meet [`Primitives::AlphaTested`] in place of [`Primitives::Triangles`]; for others it is as `new`.
+    ///
+    /// # Errors
+    /// As [`SurfelGatherer::new`].
+    pub fn with_primitives<'a>(
+        compiler: impl Into<Compiler<'a>>,
+        primitives: Primitives,
+    ) -> Result<Self, Error> {
         let Compiler { device, cache } = compiler.into();
+        let primitives = primitives.of_own_traversal();
         check_limit(
             "max_storage_buffers_per_shader_stage",
             u64::from(device.limits().max_storage_buffers_per_shader_stage),
@@ -115,7 +129,8 @@ impl SurfelGatherer {
         )?;
         let stage = |primitives, entry| Stage::new(device, primitives, entry, cache);
         Ok(Self {
-            gather: stage(Primitives::Triangles, "gather")?,
+            gather: stage(primitives, "gather")?,
+            primitives,
             #[cfg(feature = "ray-query")]
             by_device: Primitives::RayQuery
                 .validate(device)
@@ -144,9 +159,9 @@ impl SurfelGatherer {
     /// Records one bounce.
     ///
     /// # Errors
-    /// What [`SurfelGathererSettings::validate`] finds; [`Error::Mismatch`] for a hierarchy over disks or for another cloud's
-    /// capacity; [`Error::Recording`] for clouds that were not recorded, and for a hierarchy that was not recorded from its cloud
-    /// since that was; [`Error::Setting`] for surfels that are not leaves of pieces ([`Placement::Grid`] and
+    /// What [`SurfelGathererSettings::validate`] finds; [`Error::Mismatch`] for a hierarchy over other primitives or for another
+    /// cloud's capacity; [`Error::Recording`] for clouds that were not recorded, and for a hierarchy that was not recorded from
+    /// its cloud since that was; [`Error::Setting`] for surfels that are not leaves of pieces ([`Placement::Grid`] and
     /// [`Placement::Random`]); [`Error::Buffer`] for materials or radiance that are too small, lack a usage or are the same
     /// buffer as another one, [`Error::Limit`] for more than the device can bind. All before anything is recorded.
     pub fn record(
@@ -231,7 +246,7 @@ impl SurfelGatherer {
                 })?;
                 Ok((stage, bvh.pieces(cloud, Primitives::RayQuery)?))
             }
-            _ => Ok((&self.gather, bvh.pieces(cloud, Primitives::Triangles)?)),
+            _ => Ok((&self.gather, bvh.pieces(cloud, self.primitives)?)),
         }
     }
 }
@@ -312,17 +327,17 @@ fn check_buffers(device: &Device, input: &SurfelGathererInput<'_>) -> Result<(),
 
 /// Assembles the module.
 fn source(primitives: Primitives) -> Result<String, Error> {
-    let flags: &[&str] = if primitives.by_device() {
-        &["RAY_QUERY"]
-    } else {
-        &[]
-    };
-    shader::assemble("surfel_gatherer", SOURCE, flags, &[])
+    let flags: Vec<_> = primitives.flags().collect();
+    shader::assemble("surfel_gatherer", SOURCE, &flags, &[])
 }
 
 /// Every module of the pass.
 pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
     all.add("surfel_gatherer", source(Primitives::Triangles)?);
+    all.add(
+        "surfel_gatherer alpha tested",
+        source(Primitives::AlphaTested)?,
+    );
     #[cfg(feature = "ray-query")]
     all.add_for(
         Primitives::RayQuery.features(),

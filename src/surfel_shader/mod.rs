@@ -49,6 +49,8 @@ pub struct SurfelShader {
     plain: [ShadeKernel; 2],
     mapped: [ShadeKernel; 2],
     traced: [ShadeKernel; 2],
+    /// Which rays those meet.
+    primitives: Primitives,
     /// Where the device traces rays itself.
     #[cfg(feature = "ray-query")]
     by_device: Option<[ShadeKernel; 2]>,
@@ -212,7 +214,20 @@ impl SurfelShader {
     /// # Errors
     /// [`Error::Limit`] where the device was made with less than that.
     pub fn new<'a>(compiler: impl Into<Compiler<'a>>) -> Result<Self, Error> {
+        Self::with_primitives(compiler, Primitives::Triangles)
+    }
+
+    /// The same for shadows by rays that meet [`Primitives::AlphaTested`] in place of [`Primitives::Triangles`]; for others it is
+    /// as `new`.
+    ///
+    /// # Errors
+    /// As [`SurfelShader::new`].
+    pub fn with_primitives<'a>(
+        compiler: impl Into<Compiler<'a>>,
+        primitives: Primitives,
+    ) -> Result<Self, Error> {
         let Compiler { device, cache } = compiler.into();
+        let primitives = primitives.of_own_traversal();
         check_limit(
             "max_storage_buffers_per_shader_stage",
             u64::from(device.limits().max_storage_buffers_per_shader_stage),
@@ -233,7 +248,8 @@ impl SurfelShader {
                 .transpose()?,
             plain: kernels(ShadowKind::None)?,
             mapped: kernels(ShadowKind::Map)?,
-            traced: kernels(ShadowKind::Traced(Primitives::Triangles))?,
+            traced: kernels(ShadowKind::Traced(primitives))?,
+            primitives,
             uniforms: Uniforms::new(LABEL),
         })
     }
@@ -343,7 +359,7 @@ impl SurfelShader {
                 })?;
                 Ok((kernels, pieces))
             }
-            _ => Ok((&self.traced, bvh.pieces(cloud, Primitives::Triangles)?)),
+            _ => Ok((&self.traced, bvh.pieces(cloud, self.primitives)?)),
         }
     }
 
@@ -451,7 +467,7 @@ fn source(variant: ShadeVariant) -> Result<String, Error> {
         ShadowKind::Map => flags.push("SHADOW_MAP"),
         ShadowKind::Traced(primitives) => {
             flags.extend(["SHADOW_TRACED", "SHADOW_RAYS"]);
-            flags.extend(primitives.by_device().then_some("RAY_QUERY"));
+            flags.extend(primitives.flags());
         }
     }
     flags.extend(variant.samples.then_some("SAMPLES"));
@@ -488,6 +504,10 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
         (
             ShadowKind::Traced(Primitives::Triangles),
             "surfel_shader shadow traced",
+        ),
+        (
+            ShadowKind::Traced(Primitives::AlphaTested),
+            "surfel_shader shadow traced alpha tested",
         ),
         #[cfg(feature = "ray-query")]
         (

@@ -59,6 +59,7 @@ fn scene() -> Scene {
         [normal.as_vec3().to_array(); 4]
     });
     Scene {
+        holes: None,
         name: "panels",
         positions: corners.map(|p| p.as_vec3().to_array()).collect(),
         normals: normals.collect(),

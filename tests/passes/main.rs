@@ -1,5 +1,6 @@
 //! Each pass: the GPU against its f64 mirror, what must hold of its results, and what it refuses.
 
+mod alpha_test;
 mod bent_normals;
 mod bounced_disks;
 mod bounced_z_buffer;

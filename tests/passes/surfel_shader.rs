@@ -184,6 +184,7 @@ fn quads(list: &[[DVec3; 4]]) -> Scene {
         .flat_map(|quad| [0, 1, 2, 0, 2, 3].map(|corner| 4 * quad + corner))
         .collect();
     Scene {
+        holes: None,
         name: "quads",
         normals: vec![[0.0, 1.0, 0.0]; positions.len()],
         parts: vec![Part {

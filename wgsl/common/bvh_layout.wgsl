@@ -23,9 +23,19 @@
 //   0   a corner; in w the index of its primitive
 //   1   the edge from it to the second corner; in w the sum of both edges' largest components, times POSITION_TOLERANCE
 //   2   the edge from it to the third corner; in w the corner's largest component
+//
+// With #if ALPHA_TESTED it is five; the highest bit of its primitive's index then says whether it has holes, and if so
+//
+//   3   texture coordinates of the first and the second corner
+//   4   those of the third; the least alpha that is there, and which picture tells (wgsl/common/cutout.wgsl)
 
 const NODE_TEXELS: u32 = 5u;
+#if ALPHA_TESTED
+const TRIANGLE_TEXELS: u32 = 5u;
+const HAS_HOLES: u32 = 0x80000000u;
+#else
 const TRIANGLE_TEXELS: u32 = 3u;
+#endif
 const IS_INSTANCE: u32 = 0xffffffffu;
 // Texels of a row: whole nodes and whole triangles.
 const ROW_TEXELS: u32 = 4095u;

@@ -5,12 +5,18 @@
 // the mesh's space: its direction is not normalised, so that distances along it stay what they are, and a box or a triangle of
 // one space is as good as one of the other. One stack serves both levels.
 //
-// The importer declares the textures `nodes` and `triangles`.
+// With #if ALPHA_TESTED some triangles have holes, which rays pass: the caller's pictures are asked where a triangle would be
+// met, and of no other.
+//
+// The importer declares the textures `nodes` and `triangles`, and with #if ALPHA_TESTED `alpha_maps`.
 
 #needs nodes triangles
 
 #import ray
 #import bvh_layout
+#if ALPHA_TESTED
+#import map_alpha
+#endif
 
 // What a ray enters of a node's children.
 struct Entered {
@@ -196,12 +202,34 @@ fn intersect_triangle(ray: Ray, triangle: u32) -> Hit {
 #endif
   // A ray within the triangle's plane passes it by; so does one whose figures left the range of f32.
   let inside = u >= -slack_u && v >= -slack_v && u + v <= 1.0 + slack && ahead > least && abs(det) > 1e-35;
+#if ALPHA_TESTED
+  var hit = hit_of(select(FAR, t, inside), corner.w & ~HAS_HOLES);
+  hit.triangle = triangle;
+  hit.has_holes = (corner.w & HAS_HOLES) != 0u;
+  hit.place = vec2f(u, v);
+#else
   var hit = hit_of(select(FAR, t, inside), corner.w);
 #if TWO_LEVELS
   hit.triangle = triangle;
 #endif
+#endif
   return hit;
 }
+
+#if ALPHA_TESTED
+// Whether a triangle is there, where it would be met.
+fn is_there(hit: Hit) -> bool {
+  if !hit.has_holes {
+    return true;
+  }
+  let at = triangle_texel_at(hit.triangle);
+  let first = bitcast<vec4f>(textureLoad(triangles, at + vec2u(3u, 0u), 0));
+  let last = textureLoad(triangles, at + vec2u(4u, 0u), 0);
+  let a = first.xy;
+  let uv = a + (first.zw - a) * hit.place.x + (bitcast<vec2f>(last.xy) - a) * hit.place.y;
+  return alpha_at(uv, last.w) >= bitcast<f32>(last.z);
+}
+#endif
 
 #if TWO_LEVELS
 // The root of an instance's mesh.
@@ -276,7 +304,13 @@ fn trace_any(ray: Ray, t_max: f32) -> f32 {
     while entered.triangles != 0u && found == FAR {
       let hit = intersect_triangle(own, triangle_of(entered, firstTrailingBit(entered.triangles)));
       entered.triangles &= entered.triangles - 1u;
+#if ALPHA_TESTED
+      if hit.t < t_max && is_there(hit) {
+        found = hit.t;
+      }
+#else
       found = select(FAR, hit.t, hit.t < t_max);
+#endif
     }
     if found < FAR {
       break;
@@ -410,9 +444,15 @@ fn trace_nearest(ray: Ray, t_max: f32) -> Hit {
 #endif
       // Nothing has been hit yet at t_max itself.
       let before = hit.t == best.t && is_lower && best.primitive != MISS;
+#if ALPHA_TESTED
+      if (hit.t < best.t || before) && is_there(hit) {
+        best = hit;
+      }
+#else
       if hit.t < best.t || before {
         best = hit;
       }
+#endif
     }
   }
   return best;

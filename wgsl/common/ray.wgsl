@@ -27,6 +27,14 @@ struct Hit {
   instance: u32,
   triangle: u32,
 #endif
+#if ALPHA_TESTED
+#if !TWO_LEVELS
+  triangle: u32,
+#endif
+  // Whether the triangle has holes, and weights of its second and third corner.
+  has_holes: bool,
+  place: vec2f,
+#endif
 }
 
 const MISS: u32 = 0xffffffffu;

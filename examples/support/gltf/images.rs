@@ -2,7 +2,10 @@
 
 use std::{cell::RefCell, collections::HashMap, io::Cursor, path::Path, rc::Rc};
 
-use deep_screen_space::glam::{DVec2, DVec3};
+use deep_screen_space::{
+    AlphaWrap,
+    glam::{DVec2, DVec3},
+};
 use gltf::{
     Document,
     texture::{Info, WrappingMode},
@@ -54,6 +57,7 @@ impl<'a> Images<'a> {
         });
         let transform = info.texture_transform();
         Some(Sampler {
+            image: index,
             pyramid: pyramid.clone()?,
             wrap: [texture.sampler().wrap_s(), texture.sampler().wrap_t()],
             set: transform
@@ -82,7 +86,45 @@ impl<'a> Images<'a> {
         (limits.max_image_width, limits.max_image_height) = (Some(1 << 14), Some(1 << 14));
         reader.limits(limits);
         let image = reader.decode().map_err(|e| e.to_string())?;
-        Ok(Pyramid::new(&image.to_rgb8()))
+        let alpha = image
+            .color()
+            .has_alpha()
+            .then(|| AlphaMap::new(&image.to_rgba8()));
+        Ok(Pyramid {
+            alpha: alpha.map(Rc::new),
+            ..Pyramid::new(&image.to_rgb8())
+        })
+    }
+}
+
+/// Alpha of an image.
+pub struct AlphaMap {
+    pub size: [u32; 2],
+    pub texels: Vec<u8>,
+}
+
+impl AlphaMap {
+    fn new(image: &image::RgbaImage) -> Self {
+        let (width, height) = image.dimensions();
+        let step = width.max(height).div_ceil(KEPT).max(1);
+        let alpha = |x, y| [f32::from(image.get_pixel(x, y).0[3]); 3];
+        let level = Level::reduce([width, height], step, alpha);
+        Self {
+            size: level.size,
+            texels: level.texels.iter().map(|a| a[0].round() as u8).collect(),
+        }
+    }
+
+    /// The same at another size, each texel the one that its middle is in.
+    pub fn resized(&self, size: [u32; 2]) -> Vec<u8> {
+        let from = |i: u32, axis: usize| {
+            (2 * u64::from(i) + 1) * u64::from(self.size[axis]) / (2 * u64::from(size[axis]))
+        };
+        let width = u64::from(self.size[0]);
+        (0..size[1])
+            .flat_map(|y| (0..size[0]).map(move |x| from(y, 1) * width + from(x, 0)))
+            .map(|i| self.texels[i as usize])
+            .collect()
     }
 }
 
@@ -120,8 +162,11 @@ impl Level {
     }
 }
 
-/// An image, and it in half the size, and so on.
-struct Pyramid(Vec<Level>);
+/// An image, and it in half the size, and so on; and its alpha, if it has any.
+struct Pyramid {
+    levels: Vec<Level>,
+    alpha: Option<Rc<AlphaMap>>,
+}
 
 impl Pyramid {
     fn new(image: &image::RgbImage) -> Self {
@@ -143,12 +188,16 @@ impl Pyramid {
         {
             levels.push(Level::reduce(last.size, 2, |x, y| last.at(x, y)));
         }
-        Self(levels)
+        Self {
+            levels,
+            alpha: None,
+        }
     }
 }
 
 /// A texture as a material has it.
 pub struct Sampler {
+    image: usize,
     pyramid: Rc<Pyramid>,
     wrap: [WrappingMode; 2],
     set: u32,
@@ -162,18 +211,32 @@ impl Sampler {
         self.set
     }
 
+    /// The number of its image and the image's alpha, if it has any.
+    pub fn alpha(&self) -> Option<(usize, Rc<AlphaMap>)> {
+        Some((self.image, self.pyramid.alpha.clone()?))
+    }
+
+    /// What is beyond it.
+    pub fn wrap(&self) -> [AlphaWrap; 2] {
+        self.wrap.map(|wrap| match wrap {
+            WrappingMode::ClampToEdge => AlphaWrap::ClampToEdge,
+            WrappingMode::MirroredRepeat => AlphaWrap::MirrorRepeat,
+            WrappingMode::Repeat => AlphaWrap::Repeat,
+        })
+    }
+
     /// The mean over a triangle with these coordinates.
     pub fn mean(&self, corners: [[f64; 2]; 3]) -> DVec3 {
         let [a, b, c] = corners.map(|uv| self.transformed(DVec2::from(uv)));
-        let [width, height] = self.pyramid.0[0].size.map(f64::from);
+        let [width, height] = self.pyramid.levels[0].size.map(f64::from);
         let texels = (b - a).perp_dot(c - a).abs() / 2.0 * width * height;
         if !texels.is_finite() {
-            return self.at(DVec2::ZERO, self.pyramid.0.len() - 1);
+            return self.at(DVec2::ZERO, self.pyramid.levels.len() - 1);
         }
         // Points in a grid of the triangle's parts, and the level whose texels lie as close.
         let points = texels.sqrt().ceil().clamp(1.0, POINTS);
         let level = (texels.sqrt() / points).max(1.0).log2().round() as usize;
-        let level = level.min(self.pyramid.0.len() - 1);
+        let level = level.min(self.pyramid.levels.len() - 1);
         let n = points as u32;
         let mut sum = DVec3::ZERO;
         for i in 0..n {
@@ -188,7 +251,8 @@ impl Sampler {
         sum / (points * points)
     }
 
-    fn transformed(&self, uv: DVec2) -> DVec2 {
+    /// Coordinates as the material has them.
+    pub fn transformed(&self, uv: DVec2) -> DVec2 {
         let Some((offset, rotation, scale)) = self.transform else {
             return uv;
         };
@@ -202,7 +266,7 @@ impl Sampler {
     }
 
     fn at(&self, uv: DVec2, level: usize) -> DVec3 {
-        let level = &self.pyramid.0[level];
+        let level = &self.pyramid.levels[level];
         let texel = |t: f64, wrap: WrappingMode, size: u32| {
             let inside = match wrap {
                 WrappingMode::ClampToEdge => t.clamp(0.0, 1.0),

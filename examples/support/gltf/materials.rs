@@ -4,15 +4,20 @@
 use std::{
     collections::{BTreeMap, HashMap},
     f64::consts::PI,
+    rc::Rc,
 };
 
-use deep_screen_space::{glam::DVec3, scenes::Material};
-use gltf::{Primitive, Semantic};
+use deep_screen_space::{
+    AlphaWrap,
+    glam::{DVec2, DVec3},
+    scenes::Material,
+};
+use gltf::{Primitive, Semantic, material::AlphaMode};
 
 use super::{
     File,
     accessors::{Role, Values},
-    images::Sampler,
+    images::{AlphaMap, Sampler},
     primitives::Shape,
 };
 
@@ -28,22 +33,44 @@ pub struct Group {
     pub first: usize,
     pub count: usize,
     pub material: Material,
+    pub hole: Option<Hole>,
+}
+
+/// Where a material has holes.
+#[derive(Clone)]
+pub struct Hole {
+    /// The number of its image in the file, and the image's alpha.
+    pub image: usize,
+    pub map: Rc<AlphaMap>,
+    pub threshold: f32,
+    pub wrap: [AlphaWrap; 2],
+}
+
+impl Hole {
+    fn key(&self) -> [u32; 4] {
+        let [u, v] = self.wrap.map(|wrap| wrap as u32);
+        [self.image as u32, self.threshold.to_bits(), u, v]
+    }
 }
 
 /// A scene's materials, each once.
 #[derive(Default)]
 pub struct Materials {
     pub list: Vec<Material>,
-    known: HashMap<[u32; 7], u32>,
+    /// Of each.
+    pub holes: Vec<Option<Hole>>,
+    known: HashMap<([u32; 7], Option<[u32; 4]>), u32>,
 }
 
 impl Materials {
-    pub fn index(&mut self, material: Material) -> u32 {
+    pub fn index(&mut self, material: Material, hole: Option<&Hole>) -> u32 {
         let [r, g, b] = material.albedo.map(f32::to_bits);
         let [x, y, z] = material.emission.map(f32::to_bits);
         let key = [r, g, b, x, y, z, u32::from(material.double_sided)];
+        let key = (key, hole.map(Hole::key));
         *self.known.entry(key).or_insert_with(|| {
             self.list.push(material);
+            self.holes.push(hole.cloned());
             self.list.len() as u32 - 1
         })
     }
@@ -122,8 +149,37 @@ pub fn group<'a>(
             None => (without, None),
         })
     };
-    let [r, g, b, _] = surface.base_color_factor().map(f64::from);
+    let [r, g, b, opacity] = surface.base_color_factor().map(f64::from);
     let (_, base) = texture(surface.base_color_texture(), 1.0)?;
+    let mut hole = None;
+    if material.alpha_mode() == AlphaMode::Mask {
+        let cutoff = f64::from(material.alpha_cutoff().unwrap_or(0.5));
+        let picture = base.as_ref();
+        let picture = picture.and_then(|(sampler, uvs)| Some((sampler, uvs, sampler.alpha()?)));
+        // What the picture's alpha has to be; of one without it is 1.
+        let least = cutoff / opacity;
+        if cutoff > 0.0 && least > 1.0 {
+            file.notes
+                .add("a primitive all of which is cut out is left out");
+            shape.triangles.clear();
+            return Ok(());
+        }
+        if let Some((sampler, uvs, (image, map))) = picture
+            && least > 0.0
+        {
+            let at = |i: &u32| sampler.transformed(DVec2::from(uvs.get(*i)));
+            shape.tex_coords = vertices
+                .iter()
+                .map(|i| at(i).as_vec2().to_array())
+                .collect();
+            hole = Some(Hole {
+                image,
+                map,
+                threshold: least as f32,
+                wrap: sampler.wrap(),
+            });
+        }
+    }
     let albedo = Colors {
         factor: DVec3::new(r, g, b),
         texture: base,
@@ -147,6 +203,7 @@ pub fn group<'a>(
             first: 0,
             count: shape.triangles.len(),
             material: to_material(&look),
+            hole,
         }];
         return Ok(());
     }
@@ -184,6 +241,7 @@ pub fn group<'a>(
             first,
             count: members.len(),
             material: to_material(&sum),
+            hole: hole.clone(),
         });
     }
     shape.triangles = triangles;

@@ -19,15 +19,15 @@ use std::{cell::RefCell, path::Path};
 use deep_screen_space::{
     Light,
     glam::{DMat4, DVec3},
-    scenes::{Part, Scene},
+    scenes::{HoleTest, Holes, Part, Scene},
 };
 
 use super::world::{World, bounds};
 pub use lights::FileCamera;
 
 use buffers::Buffers;
-use images::Images;
-use materials::Materials;
+use images::{AlphaMap, Images};
+use materials::{Hole, Materials};
 use nodes::Nodes;
 use primitives::Shape;
 
@@ -235,10 +235,44 @@ fn draw(file: &File<'_>, index: usize, triangles: &mut Triangles) -> Result<(), 
     Ok(())
 }
 
+/// The holes of a scene's materials, with their pictures at one size; none where there are none.
+fn holes(of: &[Option<Hole>], tex_coords: Vec<[f32; 2]>) -> Option<Holes> {
+    let mut images: Vec<(usize, &AlphaMap)> = Vec::new();
+    for hole in of.iter().flatten() {
+        if !images.iter().any(|(image, _)| *image == hole.image) {
+            images.push((hole.image, &*hole.map));
+        }
+    }
+    if images.is_empty() {
+        return None;
+    }
+    let largest = |axis: usize| images.iter().map(|(_, map)| map.size[axis]).max();
+    let size = [0, 1].map(|axis| largest(axis).unwrap_or(1));
+    let layer = |hole: &Hole| images.iter().position(|(image, _)| *image == hole.image);
+    Some(Holes {
+        tex_coords,
+        size,
+        maps: images.iter().map(|(_, map)| map.resized(size)).collect(),
+        tests: of
+            .iter()
+            .map(|hole| {
+                let hole = hole.as_ref()?;
+                Some(HoleTest {
+                    layer: layer(hole)? as u32,
+                    threshold: hole.threshold,
+                    wrap: hole.wrap,
+                })
+            })
+            .collect(),
+    })
+}
+
 /// Triangles in world space.
 struct Triangles {
     positions: Vec<DVec3>,
     normals: Vec<[f32; 3]>,
+    /// Of those that are alpha-tested; else 0.
+    tex_coords: Vec<[f32; 2]>,
     indices: Vec<u32>,
     parts: Vec<Part>,
     materials: Materials,
@@ -250,6 +284,7 @@ impl Triangles {
         Self {
             positions: Vec::new(),
             normals: Vec::new(),
+            tex_coords: Vec::new(),
             indices: Vec::new(),
             parts: Vec::new(),
             materials: Materials::default(),
@@ -268,8 +303,11 @@ impl Triangles {
         self.positions.extend(placed.positions);
         self.normals
             .extend(placed.normals.iter().map(|n| n.as_vec3().to_array()));
+        self.tex_coords.extend(placed.tex_coords);
+        self.tex_coords.resize(self.positions.len(), [0.0; 2]);
         for group in &shape.groups {
-            let material = self.materials.index(group.material);
+            let hole = group.hole.as_ref();
+            let material = self.materials.index(group.material, hole);
             let first_index = self.indices.len() as u32;
             let corners = &placed.triangles[group.first..group.first + group.count];
             self.indices
@@ -300,6 +338,7 @@ impl Triangles {
                 normals: self.normals,
                 indices: self.indices,
                 parts: self.parts,
+                holes: holes(&self.materials.holes, self.tex_coords),
                 materials: self.materials.list,
                 views: Vec::new(),
                 ao_radius: f32::INFINITY,

@@ -21,6 +21,8 @@ pub struct Shape {
     /// Which triangles the joints mirror.
     pub turned: Vec<bool>,
     pub groups: Vec<Group>,
+    /// Where it is alpha-tested: one to a position.
+    pub tex_coords: Vec<[f32; 2]>,
     /// Whether positions are the world's.
     pub skinned: bool,
 }
@@ -84,6 +86,7 @@ pub fn read(
         triangles,
         turned: Vec::new(),
         groups: Vec::new(),
+        tex_coords: Vec::new(),
         skinned: skin.is_some(),
     };
     let mut mirrored = Vec::new();

@@ -54,6 +54,8 @@ pub fn left_over(mode: Mode, count: usize) -> usize {
 pub struct Placed {
     pub positions: Vec<DVec3>,
     pub normals: Vec<DVec3>,
+    /// As the shape's: none, or one to a position.
+    pub tex_coords: Vec<[f32; 2]>,
     pub triangles: Vec<[u32; 3]>,
 }
 
@@ -77,6 +79,7 @@ pub fn place(shape: &Shape, to_world: DMat4) -> Result<Placed, String> {
         .iter()
         .map(|&n| direction(to_normal * n).unwrap_or(DVec3::ZERO))
         .collect();
+    let mut tex_coords = shape.tex_coords.clone();
     let mut triangles = shape.triangles.clone();
     for (triangle, turned) in triangles.iter_mut().zip(&shape.turned) {
         if mirrors != *turned {
@@ -87,6 +90,9 @@ pub fn place(shape: &Shape, to_world: DMat4) -> Result<Placed, String> {
         for corner in triangle {
             if normals[*corner as usize] == DVec3::ZERO {
                 positions.push(positions[*corner as usize]);
+                if !tex_coords.is_empty() {
+                    tex_coords.push(tex_coords[*corner as usize]);
+                }
                 // Of a triangle without an area nothing is seen.
                 normals.push(direction(face).unwrap_or(DVec3::Y));
                 *corner = positions.len() as u32 - 1;
@@ -96,6 +102,7 @@ pub fn place(shape: &Shape, to_world: DMat4) -> Result<Placed, String> {
     Ok(compact(&Placed {
         positions,
         normals,
+        tex_coords,
         triangles,
     }))
 }
@@ -123,16 +130,19 @@ fn compact(all: &Placed) -> Placed {
         rooms[i as usize] = 0;
     }
     let (mut positions, mut normals) = (Vec::new(), Vec::new());
+    let mut tex_coords = Vec::new();
     for (i, room) in rooms.iter_mut().enumerate() {
         if *room == 0 {
             *room = positions.len() as u32;
             positions.push(all.positions[i]);
             normals.push(all.normals[i]);
+            tex_coords.extend(all.tex_coords.get(i));
         }
     }
     Placed {
         positions,
         normals,
+        tex_coords,
         triangles: all
             .triangles
             .iter()

@@ -56,7 +56,7 @@ pub fn camera_in(scene: &Scene, view: usize, viewport: Viewport) -> Camera {
 
 impl Shot {
     pub fn new(gpu: &Gpu, scene: &Scene, camera: &Camera) -> Self {
-        let tracer = Tracer::new(&scene.positions, &scene.indices).expect("a scene");
+        let tracer = Tracer::of_scene(scene).expect("a scene");
         let pixels = gbuffer::cast(
             camera,
             &tracer,

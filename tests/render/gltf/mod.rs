@@ -4,6 +4,7 @@ mod broken;
 mod emission;
 mod files;
 mod geometry;
+mod masks;
 mod mutations;
 mod nodes;
 mod uris;

@@ -1,9 +1,9 @@
 //! Instances of random meshes in two levels, traced twice: as they are, and with some of them built anew.
 
 use deep_screen_space::{
-    BouncedDescriptor, BouncedInput, BouncedScene, BouncedSettings, BouncedZBuffer, ChangedMeshes,
-    Geometry, HitLighting, HitRadiance, InstancedBvhBuilder, InstancedBvhInput, Payload,
-    Primitives,
+    AlphaChannel, AlphaTest, AlphaTests, AlphaWrap, BouncedDescriptor, BouncedInput, BouncedScene,
+    BouncedSettings, BouncedZBuffer, ChangedMeshes, Geometry, HitLighting, HitRadiance,
+    InstancedBvhBuilder, InstancedBvhInput, Payload, Primitives, TexCoordFormat, TexCoords,
 };
 
 use super::{
@@ -21,14 +21,24 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let viewport = camera.viewport();
     let descriptor = BouncedDescriptor {
         payload: case.usual("payload", &[Payload::Occlusion, Payload::LitRadiance]),
-        primitives: Primitives::Instances,
+        primitives: case.usual(
+            "primitives",
+            &[Primitives::Instances, Primitives::AlphaTestedInstances],
+        ),
         statistics: true,
         ..BouncedDescriptor::default()
     };
     let tracer = case.once(descriptor, |device| {
         BouncedZBuffer::new(device, &descriptor)
     })?;
-    let builder = case.once("", |device| InstancedBvhBuilder::new(device))?;
+    let has_holes = descriptor.primitives == Primitives::AlphaTestedInstances;
+    let builder = case.once(has_holes, |device| {
+        if has_holes {
+            InstancedBvhBuilder::alpha_tested(device)
+        } else {
+            InstancedBvhBuilder::new(device)
+        }
+    })?;
     let buffers: Vec<_> = (0..2).map(|_| surfels::buffers(case, &camera)).collect();
     let count = case.random.below(5) as usize;
     let meshes: Vec<_> = (0..count)
@@ -42,6 +52,14 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         .map(|_| inputs::light(case, camera.eye()))
         .collect();
     let gbuffer = inputs::gbuffer(case, &camera, false);
+    let tests: Vec<_> = (0..if has_holes { count } else { 0 })
+        .map(|i| test(case, &buffers[i % 2]))
+        .collect();
+    let alpha_tests = has_holes.then(|| AlphaTests {
+        maps: gbuffer.gbuffer().normal,
+        channel: AlphaChannel::Red,
+        meshes: &tests,
+    });
     let settings = BouncedSettings {
         rays_per_pixel: case.random.count(0, 16),
         radius: case.random.scale(0.0, f32::INFINITY),
@@ -68,6 +86,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         }
         let input = InstancedBvhInput {
             changed,
+            alpha_tests,
             timestamps: case.timestamps(),
             ..InstancedBvhInput::new(geometry, &camera)
         };
@@ -99,4 +118,31 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         case.buffer("statistics", statistics, Kind::Bits);
     }
     Some(())
+}
+
+/// Holes of a mesh, if it is to have any: by whatever its vertices are.
+fn test<'a>(case: &mut Case<'_>, buffers: &'a surfels::Buffers) -> Option<AlphaTest<'a>> {
+    let random = &mut case.random;
+    let wraps = [
+        AlphaWrap::Repeat,
+        AlphaWrap::ClampToEdge,
+        AlphaWrap::MirrorRepeat,
+    ];
+    let test = random.chance(0.7).then(|| AlphaTest {
+        tex_coords: TexCoords {
+            buffer: &buffers.vertices,
+            offset: 0,
+            stride: 8,
+            format: random.one_of(&[
+                TexCoordFormat::Float32x2,
+                TexCoordFormat::Float16x2,
+                TexCoordFormat::Unorm16x2,
+            ]),
+        },
+        layer: 0,
+        threshold: random.setting(0.0, 1.0),
+        wrap: [random.one_of(&wraps), random.one_of(&wraps)],
+    });
+    case.note("holes", test.map(|test| (test.threshold, test.wrap)));
+    test
 }

@@ -18,7 +18,7 @@ use super::{
 
 /// The buffers of a mesh.
 pub struct Buffers {
-    vertices: Buffer,
+    pub vertices: Buffer,
     indices: Buffer,
     instances: Buffer,
 }
