@@ -11,6 +11,7 @@ mod cornell;
 mod dominoes;
 mod fence;
 mod hash;
+mod statue;
 mod stress;
 #[cfg(test)]
 mod tests;
@@ -20,6 +21,7 @@ pub use colonnade::colonnade;
 pub use cornell::cornell;
 pub use dominoes::dominoes;
 pub use fence::fence;
+pub use statue::statue;
 pub use stress::{DEFAULT_STRESS_TRIANGLES, MAX_STRESS_TRIANGLES, stress};
 
 /// A triangle mesh in parts, its materials and cameras worth looking from.
@@ -127,7 +129,8 @@ const SCENES: [Entry; 6] = [
     (stress::NAME, || stress(DEFAULT_STRESS_TRIANGLES)),
 ];
 
-/// Builds every scene, the stress scene with [`DEFAULT_STRESS_TRIANGLES`].
+/// Builds every scene but the [`statue`], of which nothing but subsurface scattering is measured; the stress scene with
+/// [`DEFAULT_STRESS_TRIANGLES`].
 pub fn all() -> Vec<Scene> {
     SCENES.iter().map(|(_, build)| build()).collect()
 }
@@ -136,6 +139,7 @@ pub fn all() -> Vec<Scene> {
 pub fn by_name(name: &str) -> Option<Scene> {
     SCENES
         .iter()
+        .chain(&[(statue::NAME, statue as fn() -> Scene)])
         .find(|(known, _)| *known == name)
         .map(|(_, build)| build())
 }
