@@ -80,7 +80,13 @@ pub fn render(
         lit: true,
     };
     let settings = json!({ "material": options.material, "pixel": pixel });
-    splat_of(gpu, options, &masked(options, scene)?, shot, (what, settings))
+    splat_of(
+        gpu,
+        options,
+        &masked(options, scene)?,
+        shot,
+        (what, settings),
+    )
 }
 
 /// The brute-force dipole at each pixel that shows the material.

@@ -24,7 +24,12 @@ const CELLS: [usize; 2] = [28, 180];
 fn middle(share: f64) -> DVec3 {
     let (around, across) = (2.0 * TAU * share, 3.0 * TAU * share);
     let out = RING + WINDING * across.cos();
-    CENTRE + DVec3::new(out * around.cos(), out * around.sin(), WINDING * across.sin())
+    CENTRE
+        + DVec3::new(
+            out * around.cos(),
+            out * around.sin(),
+            WINDING * across.sin(),
+        )
 }
 
 /// A point of the tube's surface.

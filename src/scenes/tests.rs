@@ -23,7 +23,10 @@ fn position(scene: &Scene, index: usize) -> DVec3 {
 /// All scenes, with the stress scene at sizes that do and do not fill its rows too.
 fn examined() -> impl Iterator<Item = Scene> {
     let sizes = [0, 7, 100, 1_001, 12_345];
-    all().into_iter().chain([statue()]).chain(sizes.into_iter().map(stress))
+    all()
+        .into_iter()
+        .chain([statue()])
+        .chain(sizes.into_iter().map(stress))
 }
 
 #[test]

@@ -8,8 +8,8 @@
 // the profile is gain / 2 (K(z_r) + K(z_v)). K(z) has the integral exp(-sigma z) over the plane, and K(z) spread by K(a) is
 // K(z + a), since K is the Poisson kernel of the half-space: its transform is exp(-z sqrt(k^2 + sigma^2)). So light is spread by
 // 2 exp(sigma a) K(a) - exp(2 sigma a) K(2 a), of integral 1, in which what K(a) would bring far away cancels: what comes out in
-// all is as much as of a point, it is the point's far from the surfel, and without bound nowhere. With a = r (1 + sigma r), a wide
-// enough spread for surfels much larger than what light goes, a plane of surfels sums up to within 6 % of an even one.
+// all is as much as of a point, it is the point's far from the surfel, and without bound nowhere. With a = 2 r (1 + sigma r), wide
+// enough for surfels much larger than light goes, surfels join to an even surface.
 
 // The irradiance that epsilon is a share of.
 override UNIT: f32 = 1.0;
@@ -57,7 +57,7 @@ fn contribution(sender: Sender, receiver_normal: vec3f, to_sender: vec3f, distan
   let sigma = sigma_tr / longer;
   let z_r = longer * vec3f(Z_R_RED, Z_R_GREEN, Z_R_BLUE);
   let z_v = longer * vec3f(Z_V_RED, Z_V_GREEN, Z_V_BLUE);
-  let a = radius * (1.0 + sigma * radius);
+  let a = 2.0 * radius * (1.0 + sigma * radius);
   let near = spread(z_r, a, sigma, radius, distance2) + spread(z_v, a, sigma, radius, distance2);
   let far = spread(z_r, 2.0 * a, sigma, radius, distance2) + spread(z_v, 2.0 * a, sigma, radius, distance2);
   // pi r^2 of the surfel's area over 4 pi of the profile.

@@ -65,9 +65,9 @@ impl Effect for SubsurfaceScattering {
         let sigma = sigma_tr / longer;
         let z_r = longer * DVec3::from(dipoles.map(|d| d.z_r));
         let z_v = longer * DVec3::from(dipoles.map(|d| d.z_v));
-        let a = radius * (1.0 + sigma * radius);
-        let near = spread(z_r, a, sigma, radius, distance2)
-            + spread(z_v, a, sigma, radius, distance2);
+        let a = 2.0 * radius * (1.0 + sigma * radius);
+        let near =
+            spread(z_r, a, sigma, radius, distance2) + spread(z_v, a, sigma, radius, distance2);
         let far = spread(z_r, 2.0 * a, sigma, radius, distance2)
             + spread(z_v, 2.0 * a, sigma, radius, distance2);
         0.25 * self.gain() * sender.front * (2.0 * near - far).max(DVec3::ZERO)

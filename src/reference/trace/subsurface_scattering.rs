@@ -48,7 +48,8 @@ impl Tracer {
                 let step = 1.0 / f64::from(rows);
                 let own = area_of(corners) * step * step;
                 let normal = (b - a).cross(c - a).normalize_or_zero();
-                let cells = (0..rows).flat_map(move |i| (0..2 * (rows - i) - 1).map(move |k| (i, k)));
+                let cells =
+                    (0..rows).flat_map(move |i| (0..2 * (rows - i) - 1).map(move |k| (i, k)));
                 cells.filter_map(move |(i, k)| {
                     // Upright cells have even numbers, those between them odd ones.
                     let third = f64::from(1 + k % 2) / 3.0;
