@@ -197,7 +197,7 @@ impl Dipole {
     /// R_d: radiant exitance for each unit of flux let in at a distance, world units; one over a world unit squared.
     pub fn profile(&self, distance: f64) -> f64 {
         let of_source = |z: f64| {
-            let rho = distance.hypot(z);
+            let rho = (distance * distance + z * z).sqrt();
             (z / rho) * (1.0 + self.sigma_tr * rho) * (-self.sigma_tr * rho).exp() / (rho * rho)
         };
         self.albedo / (4.0 * PI) * (of_source(self.z_r) + of_source(self.z_v))
@@ -206,7 +206,7 @@ impl Dipole {
     /// The share of the flux let in at a point that comes out within a distance of it: the integral of the profile over a disk.
     pub fn reflectance_within(&self, distance: f64) -> f64 {
         let of_source = |z: f64| {
-            let rho = distance.hypot(z);
+            let rho = (distance * distance + z * z).sqrt();
             (-self.sigma_tr * z).exp() - (z / rho) * (-self.sigma_tr * rho).exp()
         };
         0.5 * self.albedo * (of_source(self.z_r) + of_source(self.z_v))

@@ -8,8 +8,10 @@
 // the profile is gain / 2 (K(z_r) + K(z_v)). K(z) has the integral exp(-sigma z) over the plane, and K(z) spread by K(a) is
 // K(z + a), since K is the Poisson kernel of the half-space: its transform is exp(-z sqrt(k^2 + sigma^2)). So light is spread by
 // 2 exp(sigma a) K(a) - exp(2 sigma a) K(2 a), of integral 1, in which what K(a) would bring far away cancels: what comes out in
-// all is as much as of a point, it is the point's far from the surfel, and without bound nowhere. With a = 2 r (1 + sigma r), wide
-// enough for surfels much larger than light goes, surfels join to an even surface.
+// all is as much as of a point, and far from the surfel it is the point's. It is below 0 by a little where light has fallen off.
+//
+// A source far below surfels spreads by itself, and needs a = 0. A surfel much larger than that depth needs one of its own size:
+// a = sqrt(z^2 + (2 r)^2) - z, and so much more as it is larger than light goes, 1 / sigma.
 
 // The irradiance that epsilon is a share of.
 override UNIT: f32 = 1.0;
@@ -42,12 +44,19 @@ fn max_distance(sender: Sender, epsilon: f32) -> f32 {
 }
 
 // 2 pi radius^2 exp(sigma a) K(z + a), with exponents that do not cancel.
-fn spread(z: vec3f, a: vec3f, sigma: vec3f, radius: f32, distance2: f32) -> vec3f {
+fn deeper(z: vec3f, a: vec3f, sigma: vec3f, radius: f32, distance2: f32) -> vec3f {
   let depth = z + a;
   let rho = sqrt(distance2 + depth * depth);
   let share = radius / rho;
   let decay = exp(-sigma * ((distance2 + z * (z + 2.0 * a)) / (rho + a)));
   return (depth / rho) * (1.0 + sigma * rho) * decay * share * share;
+}
+
+// The same of a source at depth z whose light is spread.
+fn spread(z: vec3f, sigma: vec3f, radius: f32, distance2: f32) -> vec3f {
+  let width = 2.0 * radius;
+  let a = (1.0 + sigma * radius) * width * (width / (z + sqrt(z * z + width * width)));
+  return 2.0 * deeper(z, a, sigma, radius, distance2) - deeper(z, 2.0 * a, sigma, radius, distance2);
 }
 
 fn contribution(sender: Sender, receiver_normal: vec3f, to_sender: vec3f, distance2: f32) -> vec3f {
@@ -57,13 +66,11 @@ fn contribution(sender: Sender, receiver_normal: vec3f, to_sender: vec3f, distan
   let sigma = sigma_tr / longer;
   let z_r = longer * vec3f(Z_R_RED, Z_R_GREEN, Z_R_BLUE);
   let z_v = longer * vec3f(Z_V_RED, Z_V_GREEN, Z_V_BLUE);
-  let a = 2.0 * radius * (1.0 + sigma * radius);
-  let near = spread(z_r, a, sigma, radius, distance2) + spread(z_v, a, sigma, radius, distance2);
-  let far = spread(z_r, 2.0 * a, sigma, radius, distance2) + spread(z_v, 2.0 * a, sigma, radius, distance2);
+  let sources = spread(z_r, sigma, radius, distance2) + spread(z_v, sigma, radius, distance2);
   // pi r^2 of the surfel's area over 4 pi of the profile.
-  return 0.25 * vec3f(GAIN_RED, GAIN_GREEN, GAIN_BLUE) * sender.front * max(2.0 * near - far, vec3f(0.0));
+  return 0.25 * vec3f(GAIN_RED, GAIN_GREEN, GAIN_BLUE) * sender.front * sources;
 }
 
 fn resolve(sum: vec3f, albedo: vec3f) -> vec4f {
-  return vec4f(albedo * sum, 1.0);
+  return vec4f(albedo * max(sum, vec3f(0.0)), 1.0);
 }

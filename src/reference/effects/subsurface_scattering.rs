@@ -18,12 +18,19 @@ fn sqrt(v: DVec3) -> DVec3 {
 }
 
 /// `2 π radius² e^(σ a) K(z + a)`.
-fn spread(z: DVec3, a: DVec3, sigma: DVec3, radius: f64, distance2: f64) -> DVec3 {
+fn deeper(z: DVec3, a: DVec3, sigma: DVec3, radius: f64, distance2: f64) -> DVec3 {
     let depth = z + a;
     let rho = sqrt(distance2 + depth * depth);
     let share = radius / rho;
     let decay = exp(-sigma * ((distance2 + z * (z + 2.0 * a)) / (rho + a)));
     (depth / rho) * (1.0 + sigma * rho) * decay * share * share
+}
+
+/// The same of a source at depth z whose light is spread.
+fn spread(z: DVec3, sigma: DVec3, radius: f64, distance2: f64) -> DVec3 {
+    let width = 2.0 * radius;
+    let a = (1.0 + sigma * radius) * width * (width / (z + sqrt(z * z + width * width)));
+    2.0 * deeper(z, a, sigma, radius, distance2) - deeper(z, 2.0 * a, sigma, radius, distance2)
 }
 
 impl SubsurfaceScattering {
@@ -34,7 +41,7 @@ impl SubsurfaceScattering {
 
     /// Outgoing radiance from the sum of all contributions.
     pub fn radiance(&self, sum: DVec3, albedo: DVec3) -> DVec3 {
-        albedo * sum
+        albedo * sum.max(DVec3::ZERO)
     }
 }
 
@@ -65,11 +72,7 @@ impl Effect for SubsurfaceScattering {
         let sigma = sigma_tr / longer;
         let z_r = longer * DVec3::from(dipoles.map(|d| d.z_r));
         let z_v = longer * DVec3::from(dipoles.map(|d| d.z_v));
-        let a = 2.0 * radius * (1.0 + sigma * radius);
-        let near =
-            spread(z_r, a, sigma, radius, distance2) + spread(z_v, a, sigma, radius, distance2);
-        let far = spread(z_r, 2.0 * a, sigma, radius, distance2)
-            + spread(z_v, 2.0 * a, sigma, radius, distance2);
-        0.25 * self.gain() * sender.front * (2.0 * near - far).max(DVec3::ZERO)
+        let sources = spread(z_r, sigma, radius, distance2) + spread(z_v, sigma, radius, distance2);
+        0.25 * self.gain() * sender.front * sources
     }
 }
