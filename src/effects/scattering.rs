@@ -13,10 +13,10 @@ const DENSEST: f64 = 1e12;
 /// (2001), in 1/mm; [`Scattering::scaled`] takes them to the units of a world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scattering {
-    /// Absorption σ_a, 0 to 1e12 per world unit. 0 loses no light within.
+    /// Absorption `σ_a`, 0 to 1e12 per world unit. 0 loses no light within.
     pub sigma_a: [f32; 3],
-    /// Reduced scattering σ_s' = σ_s (1 − g), with the mean cosine g of a scattering event; 0 to 1e12 per world unit. Where it is
-    /// 0 nothing scatters, and the surface is black.
+    /// Reduced scattering `σ_s' = σ_s (1 − g)`, with the mean cosine g of a scattering event; 0 to 1e12 per world unit. Where
+    /// it is 0 nothing scatters, and the surface is black.
     pub sigma_s_prime: [f32; 3],
     /// Index of refraction over that of the air outside, 1 to 3, where the fit of Fresnel's reflectance holds.
     pub eta: f32,
@@ -112,8 +112,8 @@ impl Scattering {
         )
     }
 
-    /// F_dr: the share of diffuse light from within that the boundary sends back, by the fit of Egan and Hilgeman that Jensen et
-    /// al. (2001) use, `−1.440 / η² + 0.710 / η + 0.668 + 0.0636 η`.
+    /// `F_dr`: the share of diffuse light from within that the boundary sends back, by the fit of Egan and Hilgeman that Jensen
+    /// et al. (2001) use, `−1.440 / η² + 0.710 / η + 0.668 + 0.0636 η`.
     pub fn internal_reflectance(&self) -> f64 {
         let eta = f64::from(self.eta);
         (-1.440 / (eta * eta) + 0.710 / eta + 0.668 + 0.0636 * eta).clamp(0.0, 1.0)
@@ -155,7 +155,7 @@ impl Scattering {
         reaches.into_iter().fold(0.0, f64::max)
     }
 
-    /// The shortest mean free path 1 / σ_t' of the channels that scatter, world units; infinite where none does.
+    /// The shortest mean free path `1 / σ_t'` of the channels that scatter, world units; infinite where none does.
     pub fn mean_free_path(&self) -> f64 {
         let scattering = self.dipoles().into_iter().filter(|d| d.albedo > 0.0);
         scattering.map(|d| d.z_r).fold(f64::INFINITY, f64::min)
@@ -171,13 +171,13 @@ impl Scattering {
 /// negative one above it (Jensen et al. 2001, section 3.1, equation 4). Lengths are world units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dipole {
-    /// α' = σ_s' / σ_t', the share of an extinction that scatters; 0 of what scatters nothing.
+    /// `α' = σ_s' / σ_t'`, the share of an extinction that scatters; 0 of what scatters nothing.
     pub albedo: f64,
-    /// σ_tr = √(3 σ_a σ_t'), which light far from where it entered falls off by, one over a world unit.
+    /// `σ_tr = √(3 σ_a σ_t')`, which light far from where it entered falls off by, one over a world unit.
     pub sigma_tr: f64,
-    /// z_r = 1 / σ_t': how deep below the surface the source lies, one mean free path.
+    /// `z_r = 1 / σ_t'`: how deep below the surface the source lies, one mean free path.
     pub z_r: f64,
-    /// z_v = z_r + 4 A D: how far above it the negative one lies.
+    /// `z_v = z_r + 4 A D`: how far above it the negative one lies.
     pub z_v: f64,
 }
 
@@ -194,7 +194,7 @@ impl Default for Dipole {
 }
 
 impl Dipole {
-    /// R_d: radiant exitance for each unit of flux let in at a distance, world units; one over a world unit squared.
+    /// `R_d`: radiant exitance for each unit of flux let in at a distance, world units; one over a world unit squared.
     pub fn profile(&self, distance: f64) -> f64 {
         let of_source = |z: f64| {
             let rho = (distance * distance + z * z).sqrt();
@@ -212,7 +212,8 @@ impl Dipole {
         0.5 * self.albedo * (of_source(self.z_r) + of_source(self.z_v))
     }
 
-    /// The same at any distance, `α'/2 (e^(−σ_tr z_r) + e^(−σ_tr z_v))`: 1 where nothing is absorbed, 0 where nothing is scattered.
+    /// The same at any distance, `α'/2 (e^(−σ_tr z_r) + e^(−σ_tr z_v))`: 1 where nothing is absorbed, 0 where nothing is
+    /// scattered.
     pub fn reflectance(&self) -> f64 {
         let of_source = |z: f64| (-self.sigma_tr * z).exp();
         0.5 * self.albedo * (of_source(self.z_r) + of_source(self.z_v))

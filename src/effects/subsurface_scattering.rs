@@ -20,10 +20,10 @@ use crate::{
 ///   sends nothing and costs nothing.
 /// * **Which pixels receive** is in the G-buffer's albedo: 1 where this material is seen, 0 elsewhere, and what a channel's light
 ///   is tinted by as it leaves. Several materials are several recordings, whose pictures add up.
-/// * **The picture** is M_o / π, where M_o, W/m², is the radiant exitance: outgoing radiance, W/(m² sr), the same into all
-///   directions. Jensen and Buhler's dependence on the direction ω is a factor F_t(η, ω) / F_dt of the caller's, where F_t is the
-///   transmittance of a smooth boundary and F_dt its mean, [`Scattering::transmittance`]. It is also the share of irradiance that
-///   is let in, whatever direction it comes from.
+/// * **The picture** is `M_o / π`, where `M_o`, W/m², is the radiant exitance: outgoing radiance, W/(m² sr), the same into all
+///   directions. Jensen and Buhler's dependence on the direction ω is a factor `F_t(η, ω) / F_dt` of the caller's, where `F_t` is
+///   the transmittance of a smooth boundary and `F_dt` its mean, [`Scattering::transmittance`]. It is also the share of
+///   irradiance that is let in, whatever direction it comes from.
 ///
 /// A dipole is of a flat, endless body: light leaves thin parts and edges as if there were more behind them. Nothing is between a
 /// surfel and a pixel, so that bodies of one material that are recorded together shine on each other through the air, and so do

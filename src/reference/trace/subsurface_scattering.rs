@@ -1,8 +1,8 @@
 //! Subsurface scattering by brute force: the dipole between every receiver and points all over a body.
 //!
-//! `L = F_dt / π ∫ R_d(|x − y|) E(y) dA(y)` over the fronts of the body's triangles, with E the irradiance straight from lights with
-//! traced shadows, and R_d and F_dt those of a [`Scattering`] (Jensen and Buhler 2002, who draw the points at random; here each
-//! triangle is cut into equal ones, and points are their centroids, which leaves far less error).
+//! `L = F_dt / π ∫ R_d(|x − y|) E(y) dA(y)` over the fronts of the body's triangles, with E the irradiance straight from lights
+//! with traced shadows, and `R_d` and `F_dt` those of a [`Scattering`] (Jensen and Buhler 2002, who draw the points at random;
+//! here each triangle is cut into equal ones, and points are their centroids, which leaves far less error).
 
 use std::f64::consts::PI;
 
@@ -64,8 +64,8 @@ impl Tracer {
             .collect()
     }
 
-    /// What receivers send of what points of their body let in, outgoing radiance, W/(m² sr). Points farther than `reach` are left
-    /// out, which may be infinity. `progress` shows a bar on standard error.
+    /// What receivers send of what points of their body let in, outgoing radiance, W/(m² sr). Points farther than `reach` are
+    /// left out, which may be infinity. `progress` shows a bar on standard error.
     pub fn subsurface_scattering_image(
         receivers: &[Option<Receiver>],
         points: &[LitPoint],
