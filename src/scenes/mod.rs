@@ -129,7 +129,7 @@ const SCENES: [Entry; 6] = [
     (stress::NAME, || stress(DEFAULT_STRESS_TRIANGLES)),
 ];
 
-/// Builds every scene but the [`statue`], of which nothing but subsurface scattering is measured; the stress scene with
+/// Builds every scene but the [`statue()`], of which nothing but subsurface scattering is measured; the stress scene with
 /// [`DEFAULT_STRESS_TRIANGLES`].
 pub fn all() -> Vec<Scene> {
     SCENES.iter().map(|(_, build)| build()).collect()
