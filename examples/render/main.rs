@@ -3,7 +3,8 @@
 //! Ambient occlusion (`--effect ao`) is written to `ao.exr` (one channel `Y`, 1 = open) and `ao.png`, indirect light
 //! (`--effect gi`) to `gi.exr` (R, G, B: outgoing radiance of `--bounces` diffuse bounces, 1 by default) and `gi.png`,
 //! directional occlusion (`--effect do`, what white surfaces send on of a sky) to `do.exr` and `do.png`, bent normals
-//! (`--effect bent`, their x, y and z, in the PNG from -1 to 1) to `bent.exr` and `bent.png`, volumetric obscurance
+//! (`--effect bent`, their x, y and z, in the PNG from -1 to 1) to `bent.exr` and `bent.png`, subsurface scattering
+//! (`--effect sss`, outgoing radiance of what `--scatters` of `--material`) to `sss.exr` and `sss.png`, volumetric obscurance
 //! (`--effect vo`) to `vo.exr` and `vo.png` as ambient occlusion, soft shadows of the first light (`--effect shadow`) to
 //! `shadow.exr` and `shadow.png` (1 = lit), screen-space indirect light (`--effect ssgi`, of a white surface) to `ssgi.exr` and
 //! `ssgi.png`, and what it took to `stats.json`. `--multires` computes these three by sub-images. `--effect sg` writes
@@ -14,6 +15,7 @@
 mod hull;
 mod methods;
 mod near;
+mod subsurface;
 mod view;
 
 use std::{path::PathBuf, process::ExitCode};
@@ -70,10 +72,27 @@ pub(crate) struct Options {
     /// Size of the picture in pixels, `WxH`.
     #[arg(long, value_parser = arguments::parse_size)]
     size: Option<[u32; 2]>,
-    /// What to compute: ambient occlusion, one bounce of diffuse light, directional occlusion, bent normals, volumetric
-    /// obscurance, soft shadows or indirect light from the G-buffer alone, or a bounce from a reflective shadow map on a hull.
-    #[arg(long, default_value = "ao", value_parser = ["ao", "gi", "do", "bent", "vo", "shadow", "ssgi", "sg"])]
+    /// What to compute: ambient occlusion, one bounce of diffuse light, directional occlusion, bent normals, subsurface
+    /// scattering, volumetric obscurance, soft shadows or indirect light from the G-buffer alone, or a bounce from a reflective
+    /// shadow map on a hull.
+    #[arg(long, default_value = "ao", value_parser = ["ao", "gi", "do", "bent", "sss", "vo", "shadow", "ssgi", "sg"])]
     pub(crate) effect: String,
+    /// What scatters light below its surface, for `--effect sss`: apple, chicken1, chicken2, cream, ketchup, marble, potato,
+    /// skimmilk, skin1, skin2, spectralon or wholemilk.
+    #[arg(long, default_value = "marble")]
+    pub(crate) material: String,
+    /// Which of the scene's materials, from 0, is of it.
+    #[arg(long, default_value_t = 0)]
+    pub(crate) scatters: u32,
+    /// How many millimetres a world unit is, for `--effect sss`.
+    #[arg(long, default_value_t = 1000.0)]
+    pub(crate) millimetres: f32,
+    /// Radius of a surfel in pixels in place of the preset's, for splatting.
+    #[arg(long)]
+    pub(crate) radius_pixels: Option<f32>,
+    /// The contribution below which a surfel moves on to the next level in place of the preset's, for splatting.
+    #[arg(long)]
+    pub(crate) epsilon: Option<f32>,
     /// Compute `vo`, `shadow` or `ssgi` at the resolution that each part of the picture needs, by a multi-resolution mask, and
     /// say how far that is from all of it at full resolution.
     #[arg(long)]
@@ -132,7 +151,7 @@ impl Options {
 
     /// Whether the picture has colours.
     fn colors(&self) -> bool {
-        matches!(self.effect.as_str(), "gi" | "do" | "bent" | "ssgi")
+        matches!(self.effect.as_str(), "gi" | "do" | "bent" | "sss" | "ssgi")
     }
 }
 
@@ -193,6 +212,7 @@ pub(crate) fn draw(gpu: &Gpu, options: &Options, scene: &Scene, shot: &Shot) -> 
     }
     let rendered = match (by_sub_images, options.method.as_str()) {
         (Some(effect), _) => near::of_pixels(gpu, options, scene, shot, effect)?,
+        _ if options.effect == "sss" => subsurface::render(gpu, options, scene, shot)?,
         (_, "splat") => methods::splat(gpu, options, scene, shot, radius)?,
         _ => methods::bounced(gpu, options, scene, shot, radius)?,
     };
@@ -318,6 +338,7 @@ fn truth(
             };
             Ok(truth.into_iter().map(|e| e.map(bent)).collect())
         }
+        "sss" => subsurface::truth(options, scene, shot, (&tracer, &receivers), rays),
         "gi" => {
             let materials = scene.triangle_materials();
             let albedo = shot.albedo(scene, &tracer);

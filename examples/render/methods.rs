@@ -154,8 +154,47 @@ pub fn splat(
             options.effect
         ));
     }
-    let camera = shot.camera()?;
     let preset = presets::preset(&options.preset, radius).ok_or("no such preset")?;
+    let what = Splat {
+        effect: &splatted(options).map_err(|e| e.to_string())?,
+        preset,
+        lit: options.gi(),
+    };
+    let settings = json!({
+        "two_sided": options.two_sided,
+        "overlap": if options.independent { "independent" } else { "add" },
+    });
+    splat_of(gpu, options, scene, shot, (what, settings))
+}
+
+/// What is splatted, and how.
+pub struct Splat<'a> {
+    pub effect: &'a Effect,
+    pub preset: presets::Preset,
+    /// Whether the effect reads what surfels send.
+    pub lit: bool,
+}
+
+/// Any effect; `settings` are of the effect itself.
+pub fn splat_of(
+    gpu: &Gpu,
+    options: &Options,
+    scene: &Scene,
+    shot: &Shot,
+    (what, mut settings): (Splat<'_>, Value),
+) -> Result<Rendered, String> {
+    let Splat {
+        effect,
+        mut preset,
+        lit,
+    } = what;
+    if let Some(radius_pixels) = options.radius_pixels {
+        preset.surfelizer.radius_pixels = radius_pixels;
+    }
+    if let Some(epsilon) = options.epsilon {
+        preset.splat.epsilon = epsilon;
+    }
+    let camera = shot.camera()?;
     let buffers = SceneBuffers::new(gpu, scene);
     let raster = Raster::draw(gpu, &buffers, &camera);
     if options.surfels == 0 {
@@ -164,15 +203,14 @@ pub fn splat(
     if scene.holes.is_some() {
         eprintln!("render: splats take alpha-tested triangles for whole");
     }
-    let effect = splatted(options).map_err(|e| e.to_string())?;
     let size = [shot.width, shot.height];
     let meshes = buffers.meshes();
     let (renderer, rendered, capacity) = with_room(
         (gpu, options, &buffers),
         options.surfels,
-        |capacity| Renderer::of(gpu, &effect, capacity, size, preset.splat.levels, false),
+        |capacity| Renderer::of(gpu, effect, capacity, size, preset.splat.levels, false),
         |renderer| {
-            if options.gi() {
+            if lit {
                 renderer.render_lit(gpu, &raster, &buffers, &camera, &shot.lights, &preset)
             } else {
                 renderer.render(gpu, &raster, &meshes, &camera, &preset)
@@ -180,6 +218,19 @@ pub fn splat(
         },
         |rendered| (rendered.total_ms(), rendered.counts),
     )?;
+    for (name, value) in [
+        ("radius_pixels", preset.surfelizer.radius_pixels),
+        ("density", preset.surfelizer.density),
+        ("epsilon", preset.splat.epsilon),
+        ("radius", preset.splat.radius),
+        ("filter_radius", preset.reconstructor.radius),
+        ("plane_distance", preset.reconstructor.plane_distance),
+        ("normal_power", preset.reconstructor.normal_power),
+    ] {
+        settings[name] = json!(value.is_finite().then_some(value));
+    }
+    settings["levels"] = json!(preset.splat.levels);
+    settings["unbounded"] = json!(preset.splat.unbounded);
     Ok(Rendered {
         pixels: match rendered.pictures.first() {
             Some(light) => light.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),
@@ -191,18 +242,7 @@ pub fn splat(
         surfels_made: true,
         memory_bytes: renderer.memory_bytes(),
         passes: rendered.passes,
-        settings: json!({
-            "two_sided": options.two_sided,
-            "overlap": if options.independent { "independent" } else { "add" },
-            "radius_pixels": preset.surfelizer.radius_pixels,
-            "density": preset.surfelizer.density,
-            "levels": preset.splat.levels,
-            "epsilon": preset.splat.epsilon,
-            "unbounded": preset.splat.unbounded,
-            "filter_radius": preset.reconstructor.radius,
-            "plane_distance": preset.reconstructor.plane_distance,
-            "normal_power": preset.reconstructor.normal_power,
-        }),
+        settings,
     })
 }
 

@@ -285,7 +285,8 @@ pub fn choose(options: &Options, loaded: Loaded) -> Result<(Scene, Shot), String
         Some(lamp) => vec![lamp.into()],
         None => loaded.lights,
     };
-    if lights.is_empty() && options.cameras.is_none() {
+    let unlit = lights.is_empty() && options.cameras.is_none();
+    if unlit && options.effect != "sss" {
         lights.extend(sun_unless_emissive(&world.scene));
     }
     if let (Some(eye), Some(target)) = (options.eye, options.target) {
@@ -306,6 +307,9 @@ pub fn choose(options: &Options, loaded: Loaded) -> Result<(Scene, Shot), String
     if let Some([width, height]) = options.size {
         wanted.width = width;
         wanted.height = height;
+    }
+    if unlit && options.effect == "sss" {
+        lights.push(from_behind(wanted.eye.into(), wanted.target.into()));
     }
     wanted.settle(world, &lights)
 }
@@ -382,6 +386,15 @@ fn sun_unless_emissive(scene: &Scene) -> Option<Light> {
         direction: DVec3::new(0.45, -0.8, -0.4),
         irradiance: [3.2, 3.1, 2.9],
     })
+}
+
+/// Past what is looked at, from its left and above: what shines through a body.
+fn from_behind(eye: DVec3, target: DVec3) -> Light {
+    let ahead = (target - eye).with_y(0.0).normalize_or(DVec3::NEG_Z);
+    Light::Directional {
+        direction: 0.8 * ahead.cross(DVec3::Y) - 0.6 * ahead - 0.7 * DVec3::Y,
+        irradiance: [3.2, 3.1, 2.9],
+    }
 }
 
 fn unknown(wanted: Option<&str>, list: &[&str]) -> String {

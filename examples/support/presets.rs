@@ -20,7 +20,8 @@ pub struct BouncedPreset {
 
 pub const NAMES: [&str; 3] = ["fast", "balanced", "accurate"];
 
-fn quality(name: &str) -> Option<Quality> {
+/// One of [`NAMES`].
+pub fn quality(name: &str) -> Option<Quality> {
     let named = NAMES.iter().zip(Quality::ALL);
     named
         .into_iter()

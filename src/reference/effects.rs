@@ -1,5 +1,7 @@
 //! Mirrors of `wgsl/effects`: what a surfel contributes, in f64.
 
+mod subsurface_scattering;
+
 use std::{
     f64::consts::PI,
     ops::{AddAssign, Mul},

@@ -16,6 +16,7 @@ mod bounces;
 mod environment;
 mod hemisphere;
 mod one_bounce;
+mod subsurface_scattering;
 mod triangle;
 
 use glam::DVec3;
@@ -37,6 +38,7 @@ pub use ambient_occlusion::Estimate;
 pub use bent_normal::BentEstimate;
 pub use hemisphere::Receiver;
 pub use one_bounce::ColorEstimate;
+pub use subsurface_scattering::LitPoint;
 use triangle::{Line, Triangle};
 
 /// How far every box of the tree is grown, in the tree's own units (see [`Frame`]). A ray inside

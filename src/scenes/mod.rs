@@ -13,6 +13,7 @@ mod fence;
 mod grass;
 mod hash;
 mod holes;
+mod statue;
 mod stress;
 #[cfg(test)]
 mod tests;
@@ -24,6 +25,7 @@ pub use dominoes::dominoes;
 pub use fence::fence;
 pub use grass::{grass, grass_cut_out};
 pub use holes::{HoleTest, Holes};
+pub use statue::statue;
 pub use stress::{DEFAULT_STRESS_TRIANGLES, MAX_STRESS_TRIANGLES, stress};
 
 /// A triangle mesh in parts, its materials and cameras worth looking from.
@@ -125,7 +127,11 @@ pub struct View {
 type Entry = (&'static str, fn() -> Scene);
 
 /// Scenes of one purpose, which are known by their names alone.
-const OF_ONE_PURPOSE: [Entry; 2] = [(grass::NAME, grass), (grass::CUT_OUT_NAME, grass_cut_out)];
+const OF_ONE_PURPOSE: [Entry; 3] = [
+    (grass::NAME, grass),
+    (grass::CUT_OUT_NAME, grass_cut_out),
+    (statue::NAME, statue),
+];
 
 const SCENES: [Entry; 6] = [
     (cornell::NAME, cornell),
@@ -136,7 +142,8 @@ const SCENES: [Entry; 6] = [
     (stress::NAME, || stress(DEFAULT_STRESS_TRIANGLES)),
 ];
 
-/// Builds every scene that any method can draw, the stress scene with [`DEFAULT_STRESS_TRIANGLES`].
+/// Builds every scene but those of one purpose, the two lawns and the [`statue()`]; the stress scene with
+/// [`DEFAULT_STRESS_TRIANGLES`].
 pub fn all() -> Vec<Scene> {
     SCENES.iter().map(|(_, build)| build()).collect()
 }

@@ -5,7 +5,9 @@ use std::collections::{HashMap, HashSet};
 use glam::{DVec3, Vec3};
 
 use super::closed_room::SHELL_MATERIALS;
-use super::{MAX_STRESS_TRIANGLES, Scene, all, by_name, closed_room, grass, grass_cut_out, stress};
+use super::{
+    MAX_STRESS_TRIANGLES, Scene, all, by_name, closed_room, grass, grass_cut_out, statue, stress,
+};
 
 /// The corner positions of a triangle, in `f64`.
 fn corners(scene: &Scene, triangle: usize) -> [DVec3; 3] {
@@ -20,13 +22,13 @@ fn position(scene: &Scene, index: usize) -> DVec3 {
     Vec3::from(scene.positions[index]).as_dvec3()
 }
 
-/// All scenes, and the stress scene at sizes that do and do not fill its rows.
+/// All scenes, with the stress scene at sizes that do and do not fill its rows too.
 fn examined() -> impl Iterator<Item = Scene> {
     let sizes = [0, 7, 100, 1_001, 12_345];
-    let lawns = [grass(), grass_cut_out()];
+    let of_one_purpose = [grass(), grass_cut_out(), statue()];
     all()
         .into_iter()
-        .chain(lawns)
+        .chain(of_one_purpose)
         .chain(sizes.into_iter().map(stress))
 }
 
@@ -132,7 +134,7 @@ fn views_are_usable() {
 
 #[test]
 fn names_find_their_scenes() {
-    for scene in all() {
+    for scene in all().into_iter().chain([statue()]) {
         assert_eq!(by_name(scene.name).as_ref(), Some(&scene));
     }
     assert_eq!(by_name("nowhere"), None);

@@ -28,6 +28,7 @@ mod shell_splatter;
 mod soft_shadows;
 mod spherical_gaussian;
 mod splat_sub_images;
+mod subsurface_scattering;
 mod surfel_gatherer;
 mod surfel_shader;
 mod surfelizer;

@@ -8,7 +8,8 @@ use std::{
 };
 
 use deep_screen_space::{
-    AmbientOcclusion, DiffuseBounce, Effect, Error, Overlap, Shader, shaders, wgpu::Features,
+    AmbientOcclusion, DiffuseBounce, Effect, Error, Overlap, Scattering, Shader,
+    SubsurfaceScattering, shaders, wgpu::Features,
 };
 use naga::valid::{Capabilities, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator};
 
@@ -60,6 +61,9 @@ fn variants() -> Vec<Shader> {
         }
         .effect(),
         everything(),
+        SubsurfaceScattering::new(Scattering::MARBLE)
+            .effect()
+            .expect("a material"),
         all_channels(),
     ] {
         for shader in shaders(&effect).expect("well-formed directives") {

@@ -259,9 +259,9 @@ impl Run {
                 let mut worst = 0.0_f64;
                 for (c, expected) in expected.iter().enumerate() {
                     let error = (f64::from(found[c][i]) - expected).abs();
-                    let rounding = TOLERANCE * (1.0 + expected);
+                    let rounding = TOLERANCE * (1.0 + expected.abs());
                     assert!(
-                        error <= rounding + 1.01 * at_a_bound[c],
+                        error <= rounding + 1.01 * at_a_bound[c].abs(),
                         "{name}: level {level}, pixel {i}, channel {c}: GPU {}, mirror {expected}, {} at a bound",
                         found[c][i],
                         at_a_bound[c]

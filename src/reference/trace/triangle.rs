@@ -27,6 +27,11 @@ impl Triangle {
         (is_finite && has_area).then_some(triangle)
     }
 
+    /// Its place in the caller's list.
+    pub(super) fn index(&self) -> usize {
+        self.index as usize
+    }
+
     pub(super) fn corners(&self) -> [DVec3; 3] {
         self.corners.map(|corner: Vec3| DVec3::from(corner))
     }

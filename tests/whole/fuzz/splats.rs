@@ -2,8 +2,8 @@
 
 use deep_screen_space::{
     AmbientOcclusion, ClusterInput, DiffuseBounce, Effect, Overlap, Placement, Reconstructor,
-    ReconstructorInput, ReconstructorSettings, ShellSplatter, ShellSplatterDescriptor, SplatInput,
-    SplatSettings, SurfelClusters, Viewport,
+    ReconstructorInput, ReconstructorSettings, Scattering, ShellSplatter, ShellSplatterDescriptor,
+    SplatInput, SplatSettings, SubsurfaceScattering, SurfelClusters, Viewport,
     wgpu::{Buffer, Features, TextureUsages},
 };
 
@@ -32,7 +32,7 @@ fn resolve(sum: vec3f, albedo: vec3f) -> vec4f {
 
 /// Effects that pipelines are made for.
 fn effect(case: &mut Case<'_>) -> Effect {
-    match case.usual("effect", &[0, 1, 2, 3]) {
+    match case.usual("effect", &[0, 1, 2, 3, 4]) {
         0 => Effect {
             channels: 3,
             materials: true,
@@ -47,8 +47,20 @@ fn effect(case: &mut Case<'_>) -> Effect {
         }
         .effect(),
         2 => AmbientOcclusion::default().effect(),
+        3 => below_surfaces(),
         _ => light_and_occlusion(),
     }
+}
+
+/// Light that passes through bodies, far, near and hardly.
+fn below_surfaces() -> Effect {
+    let scattering = Scattering {
+        sigma_a: [1e-6, 1.0, 1e12],
+        sigma_s_prime: [1e-6, 10.0, 1e12],
+        eta: 1.3,
+    };
+    let effect = SubsurfaceScattering::new(scattering).effect();
+    effect.expect("a material")
 }
 
 /// Of two outputs, the first of which reads radiance and albedo.
