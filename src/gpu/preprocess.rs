@@ -55,6 +55,8 @@ pub(crate) const FLAGS: &[&str] = &[
     "RADIANCE",
     "RAYS",
     "RAY_QUERY",
+    "RECEIVER",
+    "ROUGHNESS",
     "SAMPLES",
     "DISKS",
     "SHADING",
@@ -69,6 +71,7 @@ pub(crate) const FLAGS: &[&str] = &[
     "SUBGROUP",
     "SUMMED",
     "TWO_LEVELS",
+    "VIEW",
     "WIDEN",
 ];
 
