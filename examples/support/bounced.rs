@@ -361,6 +361,8 @@ impl Gatherer {
 pub struct BouncedRenderer {
     pub scene: TracedScene,
     pub gatherer: Gatherer,
+    /// Of all pixels, where receivers are glossy.
+    pub roughness: Option<wgpu::TextureView>,
 }
 
 /// The picture and what it took.
@@ -397,6 +399,8 @@ pub struct RayRoom {
     pub bent_normals: bool,
     /// Of light: 0 and 1 are one.
     pub bounces: u32,
+    /// Whether receivers are glossy, which the renderer is given the roughness of then.
+    pub glossy: bool,
 }
 
 impl BouncedRenderer {
@@ -414,6 +418,7 @@ impl BouncedRenderer {
             statistics,
             bent_normals,
             bounces,
+            glossy,
         } = room;
         let payload = if bounces > 1 && payload == Payload::LitRadiance {
             Payload::LitAndGathered
@@ -422,7 +427,11 @@ impl BouncedRenderer {
         };
         let descriptor = HitResolverDescriptor {
             payload,
-            sampling: Sampling::default(),
+            sampling: if glossy {
+                Sampling::Glossy
+            } else {
+                Sampling::default()
+            },
             deferred: false,
             counted,
             joined: false,
@@ -437,6 +446,7 @@ impl BouncedRenderer {
                 TracedScene::new(gpu, &gatherer, capacity)?
             },
             gatherer,
+            roughness: None,
         })
     }
 
@@ -487,7 +497,8 @@ impl BouncedRenderer {
         let mut passes = traced.update(gpu, scene, camera, lights, (&settings, samples))?;
         let how = (&preset.bounced, &preset.reconstructor);
         let further = preset.further.as_ref();
-        passes.extend(gatherer.render(gpu, (raster, None), camera, traced, how, further)?);
+        let roughness = self.roughness.as_ref().map(wgpu::TextureView::texture);
+        passes.extend(gatherer.render(gpu, (raster, roughness), camera, traced, how, further)?);
         let counts: Vec<SurfelCounts> = gpu.read_buffer(traced.cloud.counters());
         Ok(Picture {
             pixels: gatherer.pixels(gpu),

@@ -130,11 +130,7 @@ impl<'a> Part<'a> {
 }
 
 /// What the splatter calls.
-fn joining(
-    parts: [&Part<'_>; 2],
-    channels: u32,
-    [own_surface, receiver]: [bool; 2],
-) -> String {
+fn joining(parts: [&Part<'_>; 2], channels: u32, [own_surface, receiver]: [bool; 2]) -> String {
     let [a, b] = parts.map(|part| part.prefix.as_str());
     let [wide_a, wide_b] = parts.map(|part| part.effect.channels);
     let components = (0..wide_a).map(|i| component("first", wide_a, i));

@@ -194,12 +194,20 @@ impl Effect {
         let needed = format!("one with levels, for the effect {}", self.label);
         let Some(light) = given else {
             let found = "none".into();
-            return Err(Error::Mismatch { name, found, needed });
+            return Err(Error::Mismatch {
+                name,
+                found,
+                needed,
+            });
         };
         light.validate()?;
         if light.environment.levels() < 2 {
             let found = "one without levels".into();
-            return Err(Error::Mismatch { name, found, needed });
+            return Err(Error::Mismatch {
+                name,
+                found,
+                needed,
+            });
         }
         Ok(Some(light))
     }

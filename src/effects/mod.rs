@@ -1,4 +1,7 @@
 //! The crate's own effects.
 
 pub mod ambient_occlusion;
+pub mod bent_normals;
 pub mod diffuse_bounce;
+pub mod directional_occlusion;
+pub mod specular_bounce;

@@ -321,7 +321,11 @@ impl EnvironmentBuilder {
         let steps: Vec<_> = (1..environment.levels())
             .map(|level| {
                 let [source_size, size] = [level - 1, level].map(|level| grid_of(size, level));
-                (level, size, parameters.add(&EnvironmentParams { size, source_size }))
+                (
+                    level,
+                    size,
+                    parameters.add(&EnvironmentParams { size, source_size }),
+                )
             })
             .collect();
         let parameters = self.uniforms.upload(device, encoder, &parameters);

@@ -83,7 +83,9 @@ pub(crate) struct PlacedParams {
 }
 
 crate::reflection::same_as_wgsl!(
-    placed_is_the_shaders: PlacedParams as "Environment" in ["bounced_z_buffer radiance sky"]
+    placed_is_the_shaders: PlacedParams as "Environment" in [
+        "bounced_z_buffer radiance sky", "shell_splatter splat", "reconstructor",
+    ]
     { to_world, size, columns, rows }
 );
 

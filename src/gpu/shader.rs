@@ -73,6 +73,7 @@ const COMMON: &[Module<'static>] = common![
     sg_hull_error,
     sg_hull_vertex,
     ggx,
+    form_factor,
     sums,
     effect_types,
 ];

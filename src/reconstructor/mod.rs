@@ -344,7 +344,11 @@ impl Reconstructor {
         let textures = textures.map(|(name, texture)| Some((name, view(texture.as_ref()?))));
         resources.extend(textures.into_iter().flatten());
         resources.extend(placed.map(|placed| ("environment", parameters.at(placed))));
-        resources.extend(environment.iter().flat_map(|light| light.environment.splatted()));
+        resources.extend(
+            environment
+                .iter()
+                .flat_map(|light| light.environment.splatted()),
+        );
         // An effect may not read all that it asks for.
         resources.retain(|(name, _)| layout.names().any(|own| own == *name));
         let group = if albedo.is_some() || roughness.is_some() {

@@ -14,6 +14,7 @@ mod ambient_occlusion;
 mod bent_normal;
 mod bounces;
 mod environment;
+mod glossy;
 mod hemisphere;
 mod one_bounce;
 mod triangle;
@@ -33,6 +34,7 @@ use crate::Light;
 
 pub use ambient_occlusion::Estimate;
 pub use bent_normal::BentEstimate;
+pub use glossy::Gloss;
 pub use hemisphere::Receiver;
 pub use one_bounce::ColorEstimate;
 use triangle::{Line, Triangle};

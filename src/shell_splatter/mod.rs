@@ -580,7 +580,11 @@ impl ShellSplatter {
         let texture = roughness.as_ref().map(binding::view);
         besides.extend(texture.map(|texture| ("roughness_texture", texture)));
         besides.extend(placed.map(|placed| ("environment", parameters.at(placed))));
-        besides.extend(environment.iter().flat_map(|light| light.environment.splatted()));
+        besides.extend(
+            environment
+                .iter()
+                .flat_map(|light| light.environment.splatted()),
+        );
         // An effect may not read all that it asks for.
         besides.retain(|(name, _)| self.splat_layout.names().any(|own| own == *name));
         let mut groups = view.kept.groups(device);

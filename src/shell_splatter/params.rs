@@ -77,6 +77,11 @@ pub struct ViewParams {
     pub(crate) padding: [u32; 3],
 }
 
+crate::reflection::same_as_wgsl!(
+    views_are_the_shaders: ViewParams as "View" in ["shell_splatter build", "shell_splatter splat"]
+    { camera, sub_image }
+);
+
 impl ViewParams {
     pub fn new(frame: &Frame<'_>, sub_image: u32) -> Self {
         Self {

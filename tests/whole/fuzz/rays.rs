@@ -98,7 +98,10 @@ fn settings(case: &mut Case<'_>) -> BouncedSettings {
 /// A sky of spherical harmonics, which are below 0 in places.
 fn sky(case: &mut Case<'_>) -> Option<Environment> {
     let builder = case.once("environment", |device| EnvironmentBuilder::new(device))?;
-    let settings = EnvironmentSettings { size: [32, 16] };
+    let settings = EnvironmentSettings {
+        size: [32, 16],
+        ..EnvironmentSettings::default()
+    };
     let environment = case.accept(builder.create(case.device(), &settings))?;
     let harmonics: [[f32; 3]; 9] =
         std::array::from_fn(|_| std::array::from_fn(|_| case.random.scale(0.0, 1e18)));
