@@ -8,7 +8,8 @@ use std::{
 };
 
 use deep_screen_space::{
-    AmbientOcclusion, DiffuseBounce, Effect, Error, Overlap, Shader, shaders, wgpu::Features,
+    AmbientOcclusion, BentNormals, DiffuseBounce, DirectionalOcclusion, Effect, Error, Overlap,
+    Shader, SpecularBounce, shaders, wgpu::Features,
 };
 use naga::valid::{Capabilities, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator};
 
@@ -47,6 +48,17 @@ fn all_channels() -> Effect {
     joined.expect("eight channels")
 }
 
+/// Two of whom one asks for an environment, the other for view and roughness.
+fn under_sky_and_glossy() -> Effect {
+    let glossy = SpecularBounce {
+        two_sided: true,
+        ..SpecularBounce::default()
+    };
+    let glossy = glossy.effect().expect("a unit");
+    let sky = DirectionalOcclusion::default().effect();
+    sky.and(&glossy).expect("six channels")
+}
+
 /// Those that do not follow the effect stand once.
 fn variants() -> Vec<Shader> {
     let mut all: Vec<Shader> = Vec::new();
@@ -61,6 +73,10 @@ fn variants() -> Vec<Shader> {
         .effect(),
         everything(),
         all_channels(),
+        BentNormals::default().effect(),
+        DirectionalOcclusion::default().effect(),
+        SpecularBounce::default().effect().expect("a unit"),
+        under_sky_and_glossy(),
     ] {
         for shader in shaders(&effect).expect("well-formed directives") {
             if !sources.insert(shader.source.clone()) {
