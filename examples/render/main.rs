@@ -71,8 +71,9 @@ pub(crate) struct Options {
     /// Size of the picture in pixels, `WxH`.
     #[arg(long, value_parser = arguments::parse_size)]
     size: Option<[u32; 2]>,
-    /// What to compute: ambient occlusion, one bounce of diffuse light or of glossy light, directional occlusion, bent normals, volumetric
-    /// obscurance, soft shadows or indirect light from the G-buffer alone, or a bounce from a reflective shadow map on a hull.
+    /// What to compute: ambient occlusion, one bounce of diffuse light or of glossy light, directional occlusion, bent
+    /// normals, volumetric obscurance, soft shadows or indirect light from the G-buffer alone, or a bounce from a reflective
+    /// shadow map on a hull.
     #[arg(long, default_value = "ao", value_parser = [
         "ao", "gi", "specular", "do", "bent", "vo", "shadow", "ssgi", "sg",
     ])]

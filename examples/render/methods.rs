@@ -3,8 +3,8 @@
 use deep_screen_space::{
     AmbientOcclusion, BentNormals, CloudCapacity, DiffuseBounce, DirectionalOcclusion, Effect,
     Environment, EnvironmentBuilder, EnvironmentSettings, Error, HitResolverSettings, Overlap,
-    Payload, Piece, RaySettings, SpecularBounce, SurfelCounts, reference::environment::Picture,
-    scenes::Scene, wgpu,
+    Payload, Piece, RaySettings, Sampling, SpecularBounce, SurfelCounts,
+    reference::environment::Picture, scenes::Scene, wgpu,
 };
 use serde_json::{Value, json};
 
@@ -299,7 +299,11 @@ pub fn bounced(
         counted: preset.further.is_some(),
         bent_normals: options.effect == "bent",
         bounces: if options.gi() { options.bounces } else { 1 },
-        glossy,
+        sampling: if glossy {
+            Sampling::Glossy
+        } else {
+            Sampling::default()
+        },
         ..RayRoom::default()
     };
     let surfels = if room.bounces > 1 { options.surfels } else { 0 };

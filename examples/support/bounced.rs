@@ -399,8 +399,8 @@ pub struct RayRoom {
     pub bent_normals: bool,
     /// Of light: 0 and 1 are one.
     pub bounces: u32,
-    /// Whether receivers are glossy, which the renderer is given the roughness of then.
-    pub glossy: bool,
+    /// Where rays go; of glossy receivers the renderer is given the roughness.
+    pub sampling: Sampling,
 }
 
 impl BouncedRenderer {
@@ -418,7 +418,7 @@ impl BouncedRenderer {
             statistics,
             bent_normals,
             bounces,
-            glossy,
+            sampling,
         } = room;
         let payload = if bounces > 1 && payload == Payload::LitRadiance {
             Payload::LitAndGathered
@@ -427,11 +427,7 @@ impl BouncedRenderer {
         };
         let descriptor = HitResolverDescriptor {
             payload,
-            sampling: if glossy {
-                Sampling::Glossy
-            } else {
-                Sampling::default()
-            },
+            sampling,
             deferred: false,
             counted,
             joined: false,

@@ -54,19 +54,19 @@ pub enum Channels {
 /// fn own_surface(cosine: f32) -> Sum
 /// ```
 ///
-/// `sender` has `radius` and `normal`, and `share`, how many surfels near it it stands for on the level that it is splatted on, 4^l
-/// on level l: the sum of theirs is that many times its own contribution. With [`Effect::materials`] it has `material.albedo`,
-/// `material.emission` and `material.double_sided`, and with [`Effect::radiance`] `front` and `back`, what the surfel sends from
-/// each side, in W/(m² sr); `back` is 0 unless the effect is two-sided.
+/// `sender` has `radius` and `normal`, and `share`, how many surfels near it it stands for on the level that it is splatted
+/// on, 4^l on level l: the sum of theirs is that many times its own contribution. With [`Effect::materials`] it has
+/// `material.albedo`, `material.emission` and `material.double_sided`, and with [`Effect::radiance`] `front` and `back`, what
+/// the surfel sends from each side, in W/(m² sr); `back` is 0 unless the effect is two-sided.
 ///
 /// With [`Effect::normal`], [`Effect::view`] or [`Effect::roughness`] `contribution` and the outputs take one argument more, the
 /// last, `receiver: Receiver`: what is known of the pixel. It has `normal`, the unit shading normal, and what else was asked for,
 /// `to_eye`, the unit vector to where it is seen from, and `roughness`, 0 to 1. For the sky, of which outputs make a picture too,
 /// all of it is 0.
 ///
-/// With [`Effect::environment`] they may call `environment_mean(direction: vec3f, solid_angle: f32) -> vec3f`, the mean radiance of
-/// about a solid angle (sr) about a direction, and `environment_irradiance_at(normal: vec3f) -> vec3f`, what a surface has of all of
-/// it, W/m².
+/// With [`Effect::environment`] they may call `environment_mean(direction: vec3f, solid_angle: f32) -> vec3f`, the mean
+/// radiance of about a solid angle (sr) about a direction, and `environment_irradiance_at(normal: vec3f) -> vec3f`, what a
+/// surface has of all of it, W/m².
 ///
 /// `Sum` is `f32` for one channel, `vec2f`, `vec3f` or `vec4f` for two to four, and `mat2x4f` for five to eight: two columns of
 /// four channels, of which those that are too many stay 0.

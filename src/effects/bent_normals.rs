@@ -8,8 +8,8 @@ use crate::effect::Effect;
 /// [`HitResolver::cone_angle`](crate::HitResolver::cone_angle) makes a cone.
 ///
 /// Two thirds of the normal, less the sum over surfels of what each hides: a point-to-disk form factor times the direction to
-/// it. What lies behind something else counts twice, as in all sums, so that much of it turns the normal too far; rays know better
-/// ([`RayTracedEffect::BentNormals`](crate::RayTracedEffect::BentNormals)).
+/// it. What lies behind something else counts twice, as in all sums, so that much of it turns the normal too far; rays know
+/// better ([`RayTracedEffect::BentNormals`](crate::RayTracedEffect::BentNormals)).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct BentNormals {
     /// As [`AmbientOcclusion::two_sided`](crate::AmbientOcclusion::two_sided).
@@ -19,8 +19,8 @@ pub struct BentNormals {
 }
 
 impl BentNormals {
-    /// The effect. Four channels; reads the G-buffer's normals, and writes the unit bent normal, in world axes, to r, g and b, and
-    /// visibility to a; black and 1 for the sky. Where nothing is open the bent normal is the shading normal.
+    /// The effect. Four channels; reads the G-buffer's normals, and writes the unit bent normal, in world axes, to r, g and
+    /// b, and visibility to a; black and 1 for the sky. Where nothing is open the bent normal is the shading normal.
     pub fn effect(self) -> Effect {
         Effect {
             channels: 4,

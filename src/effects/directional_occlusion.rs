@@ -3,13 +3,13 @@
 use super::ambient_occlusion::Overlap;
 use crate::effect::Effect;
 
-/// What a white diffuse surface sends on of an [`Environment`](crate::Environment), less what surfels hide of it: of each the form
-/// factor of its disk times the mean radiance of the environment over the disk's solid angle.
+/// What a white diffuse surface sends on of an [`Environment`](crate::Environment), less what surfels hide of it: of each the
+/// form factor of its disk times the mean radiance of the environment over the disk's solid angle.
 ///
 /// The environment has [levels](crate::EnvironmentSettings::levels). What is open is known by spherical harmonics
 /// ([`Environment::irradiance`](crate::Environment::irradiance)), and a surfel's solid angle is at least that of
-/// [`SplatSettings::epsilon`](crate::SplatSettings::epsilon), π ε, but where it is alone on its level: the shadow of a small sun is
-/// as soft as that, 11° for 0.01, and sums do not know what hides what. Rays do
+/// [`SplatSettings::epsilon`](crate::SplatSettings::epsilon), π ε, but where it is alone on its level: the shadow of a small
+/// sun is as soft as that, 11° for 0.01, and sums do not know what hides what. Rays do
 /// ([`RayTracedEffect::DirectionalOcclusion`](crate::RayTracedEffect::DirectionalOcclusion)).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct DirectionalOcclusion {

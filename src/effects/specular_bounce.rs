@@ -10,9 +10,9 @@ use crate::{
 /// [`Sampling::Glossy`](crate::Sampling::Glossy), widened by the disk's own size. What a surfel sends comes from the
 /// [`SurfelShader`](crate::SurfelShader) or the caller ([`SplatInput::radiance`](crate::SplatInput::radiance)).
 ///
-/// A mirror shows surfels, not surfaces: they are at least as wide as [`SplatSettings::epsilon`](crate::SplatSettings::epsilon) has
-/// them, about what a roughness of 0.27 blurs with 0.01, 0.38 with 0.04. And nothing is between a surfel and a pixel, so that what
-/// is hidden is reflected too. Rays know what hides what
+/// A mirror shows surfels, not surfaces: they are at least as wide as
+/// [`SplatSettings::epsilon`](crate::SplatSettings::epsilon) has them, about what a roughness of 0.27 blurs with 0.01, 0.38
+/// with 0.04. And nothing is between a surfel and a pixel, so that what is hidden is reflected too. Rays know what hides what
 /// ([`RayTracedEffect::IndirectSpecular`](crate::RayTracedEffect::IndirectSpecular)).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpecularBounce {

@@ -265,7 +265,8 @@ impl EnvironmentBuilder {
                 ..Default::default()
             })
         };
-        let whole = |texture: &wgpu::Texture| texture.create_view(&Default::default());
+        let whole =
+            |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
         Ok(Environment {
             size,
             radiance: level(0),

@@ -344,7 +344,7 @@ impl Effect for SeenGlossy<'_> {
         let light = lobe.frame.transpose() * direction;
         let facet = lobe.facet_of(light);
         let wide = widened(&lobe, facet, solid_angle.abs() * sender.share);
-        let mirrored = solid_angle.abs() * wide.pdf(facet) * wide.share(light);
+        let mirrored = solid_angle.abs() * wide.pdf(facet) * lobe.share(light);
         let f0 = DVec3::from(self.effect.f0.map(f64::from));
         mirrored * lobe.schlick(f0, facet) * sent(sender, solid_angle)
     }

@@ -148,7 +148,7 @@ fn sums_and_pictures_match_the_mirror() {
 /// Error and bias relative to the mean, of a picture at the balanced preset.
 fn off(gpu: &Gpu, name: &str, shown: &Picture) -> [f64; 2] {
     let scene = scenes::by_name(name).expect("a scene");
-    let size = [96, 60];
+    let size = [72, 45];
     let camera = camera_of(&scene, 0, size);
     let shot = Shot::new(gpu, &scene, &camera);
     let seen = Raster {
@@ -157,8 +157,8 @@ fn off(gpu: &Gpu, name: &str, shown: &Picture) -> [f64; 2] {
         albedo: shot.albedo.clone(),
     };
     let capacity = CloudCapacity {
-        surfels: 1 << 17,
-        pieces: 1 << 17,
+        surfels: 1 << 16,
+        pieces: 1 << 16,
         triangles: shot.buffers.triangles(),
     };
     let preset = presets::preset("balanced", scene.ao_radius).expect("a preset");
@@ -174,7 +174,7 @@ fn off(gpu: &Gpu, name: &str, shown: &Picture) -> [f64; 2] {
     let reach = f64::from(scene.ao_radius);
     let truth = shot
         .tracer
-        .environment_image(&receivers, &cells, (reach, 256), 3, false);
+        .environment_image(&receivers, &cells, (reach, 128), 3, false);
     let (mut square, mut bias, mut mean) = (0.0, 0.0, 0.0);
     let mut count = 0.0;
     for (found, truth) in rendered.pictures[0].iter().zip(&truth) {
@@ -188,17 +188,11 @@ fn off(gpu: &Gpu, name: &str, shown: &Picture) -> [f64; 2] {
     [f64::sqrt(square / count) / (mean / count), bias / mean]
 }
 
-/// Of the mean 0.09 among the dominoes and 0.12 in the colonnade under a dim sky, and 0.2 to 0.3 under one with a small sun, whose
-/// shadows are as soft as surfels are large.
+/// Of the mean 0.1 under a dim sky, and 0.2 under one with a small sun, whose shadows are as soft as surfels are large.
 #[test]
 fn light_of_skies_is_near_the_traced_by_sums() {
     let gpu = pipelines::gpu();
-    for (name, sky, most) in [
-        ("dominoes", "dim", 0.15),
-        ("colonnade", "dim", 0.2),
-        ("dominoes", "sunny", 0.3),
-        ("colonnade", "sunny", 0.4),
-    ] {
+    for (name, sky, most) in [("dominoes", "dim", 0.15), ("dominoes", "sunny", 0.3)] {
         let shown = sky::by_name(sky).expect("a sky");
         let [error, bias] = off(gpu, name, &shown);
         println!("{name}, {sky}: {error:.3} of the mean, bias {bias:+.3}");

@@ -1,5 +1,5 @@
-// Light from infinitely far away as sums of large terms need it: its mean over a part of the sky, from grids of which each is half
-// as fine as the one before, and the irradiance of all of it (wgsl/environment.wgsl).
+// Light from infinitely far away as sums of large terms need it: its mean over a part of the sky, from grids of which each is
+// half as fine as the one before, and the irradiance of all of it (wgsl/environment.wgsl).
 
 #import environment_cells
 

@@ -37,7 +37,7 @@ fn contribution(
   let light = direction * lobe.frame;
   let facet = facet_of(lobe, light);
   let wide = widened(lobe, facet, abs(solid_angle) * sender.share);
-  let mirrored = abs(solid_angle) * glossy_pdf(wide, facet) * glossy_share(wide, light);
+  let mirrored = abs(solid_angle) * glossy_pdf(wide, facet) * glossy_share(lobe, light);
   let fresnel = schlick(vec3f(F0_RED, F0_GREEN, F0_BLUE), lobe, facet);
   return mirrored * fresnel * select(sender.back, sender.front, solid_angle > 0.0);
 }
