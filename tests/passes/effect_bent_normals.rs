@@ -53,7 +53,7 @@ fn sums_and_pictures_match_the_mirror() {
     assert!(100 * further <= receivers.len(), "{further}");
 }
 
-/// Among the dominoes, where sums count what others hide, 16° where the cone is narrower than 60°, and 1.4° elsewhere.
+/// Among the dominoes, where sums count what others hide, 19° where the cone is narrower than 60°, and 1.6° elsewhere.
 #[test]
 fn bent_normals_by_sums_are_near_the_traced_ones() {
     let gpu = pipelines::gpu();
@@ -112,5 +112,5 @@ fn bent_normals_by_sums_are_near_the_traced_ones() {
         counts[0]
     );
     assert!(counts[0] > 100.0, "{counts:?}");
-    assert!(narrow < 20.0 && wide < 2.0, "{narrow}, {wide}");
+    assert!(narrow < 22.0 && wide < 2.0, "{narrow}, {wide}");
 }

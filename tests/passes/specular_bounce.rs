@@ -1,10 +1,11 @@
 //! A glossy bounce by splatting: the GPU against the f64 mirror, the picture against traced rays, and at the extremes.
 
+use super::diffuse_bounce::{floor_and_wall, radiances};
 use deep_screen_space::{
     Camera, CloudCapacity, Error, SpecularBounce, SurfelRadiance, Viewport,
     glam::{DMat4, DVec3, DVec4},
     reference::{effects::SeenGlossy, ggx::clean_roughness, trace::Gloss},
-    scenes::{self, Material, Part, Scene},
+    scenes,
     wgpu::{TextureFormat, TextureView},
 };
 use support::{
@@ -15,24 +16,9 @@ use support::{
     testing::{
         pipelines,
         shot::{Shot, camera_in, camera_of},
-        splats::{Options, Passes, Tolerance, run, splat_settings},
+        splats::{Options, Passes, Tolerance, run, splat_settings, try_run},
     },
 };
-
-/// Different for each surfel: a third are black, and another third's backs alone send anything.
-fn radiances(count: u32) -> Vec<SurfelRadiance> {
-    let color = |i: u32| [17, 29, 43].map(|k| (i * k % 64) as f32 / 32.0);
-    let of = |i: u32| SurfelRadiance {
-        front: if i.is_multiple_of(3) {
-            color(i)
-        } else {
-            [0.0; 3]
-        },
-        back: if i % 3 == 2 { [0.0; 3] } else { color(i + 7) },
-        ..SurfelRadiance::default()
-    };
-    (0..count).map(of).collect()
-}
 
 const BOUNCE: SpecularBounce = SpecularBounce {
     two_sided: true,
@@ -119,42 +105,6 @@ fn sums_match_the_mirror() {
             let off = (found - total).abs().max_element();
             assert!(off < 1e-3 * (1.0 + total.max_element()), "{found} {total}");
         }
-    }
-}
-
-/// A floor, and a wall across it that glows: nothing hides behind anything else, so that sums are right.
-fn floor_and_wall() -> Scene {
-    let quad = |[a, b, c, d]: [[f32; 3]; 4]| [a, b, c, a, c, d];
-    let floor = [
-        [-2.0, 0.0, 2.0],
-        [2.0, 0.0, 2.0],
-        [2.0, 0.0, -2.0],
-        [-2.0, 0.0, -2.0],
-    ];
-    let wall = [
-        [-1.5, 0.0, 0.0],
-        [1.5, 0.0, 0.0],
-        [1.5, 1.5, 0.0],
-        [-1.5, 1.5, 0.0],
-    ];
-    let of = |emission| Material {
-        albedo: [0.0; 3],
-        emission,
-        double_sided: false,
-    };
-    let part = |material: u32| Part {
-        first_index: 6 * material,
-        index_count: 6,
-        material,
-    };
-    Scene {
-        name: "floor and wall",
-        positions: [quad(floor), quad(wall)].concat(),
-        normals: [[[0.0, 1.0, 0.0]; 6], [[0.0, 0.0, 1.0]; 6]].concat(),
-        indices: (0..12).collect(),
-        parts: vec![part(0), part(1)],
-        materials: vec![of([0.0; 3]), of([6.0, 4.0, 2.0])],
-        ..scenes::cornell()
     }
 }
 
@@ -284,8 +234,7 @@ fn bad_input_is_a_typed_error() {
     let effect = BOUNCE.effect().expect("settings");
     let mut options = Options::new(splat_settings(2, 0.02));
     options.radiance = Some(radiances(options.capacity.surfels));
-    let done =
-        support::testing::splats::try_run(gpu, &shot, &Passes::new(&effect, false), &options);
+    let done = try_run(gpu, &shot, &Passes::new(&effect, false), &options);
     let error = done.err().expect("no roughness").to_string();
     assert!(error.contains("GBuffer::roughness"), "{error}");
 }
