@@ -52,10 +52,11 @@ pub struct GBuffer<'a> {
     /// Diffuse albedo (linear, 0…1), for effects that ask for it with [`Effect::albedo`](crate::Effect::albedo). What is beyond
     /// 0…1 is clamped, and what is not finite counts as 0. Any float or unorm format, usage `TEXTURE_BINDING`.
     pub albedo: Option<TextureSlice<'a>>,
-    /// Perceptual roughness, for glossy rays ([`Sampling::Glossy`](crate::Sampling::Glossy)) and the glossy hull: 0 for a mirror
-    /// to 1, its square being the width α of the Trowbridge-Reitz distribution. The red channel of any float or unorm format,
-    /// usage `TEXTURE_BINDING`. Values beyond 0…1 are clamped, NaN counts as 1; α is at least 1e-3, below which `f32` cannot tell
-    /// a lobe's directions apart. A shading normal that faces away from the viewer is seen from just above its horizon.
+    /// Perceptual roughness, for glossy rays ([`Sampling::Glossy`](crate::Sampling::Glossy)), the glossy hull and effects
+    /// that ask for it with [`Effect::roughness`](crate::Effect::roughness): 0 for a mirror to 1, its square being the width
+    /// α of the Trowbridge-Reitz distribution. The red channel of any float or unorm format, usage `TEXTURE_BINDING`. Values
+    /// beyond 0…1 are clamped, NaN counts as 1; α is at least 1e-3, below which `f32` cannot tell a lobe's directions apart.
+    /// A shading normal that faces away from the viewer is seen from just above its horizon.
     pub roughness: Option<TextureSlice<'a>>,
 }
 

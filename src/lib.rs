@@ -12,7 +12,8 @@
 //! * [`EnvironmentBuilder`]: a caller's sky, as rays that meet nothing bring it.
 //! * [`ShellSplatter`]: sums over the surfels for every pixel of the caller's G-buffer, near ones at full resolution and
 //!   far ones ever more coarsely. What a surfel adds to a pixel is an [`Effect`], the crate's ([`AmbientOcclusion`],
-//!   [`DiffuseBounce`], [`SubsurfaceScattering`]), one of the caller's, in WGSL, or two of them in one splat ([`Effect::and`]).
+//!   [`DiffuseBounce`], [`SpecularBounce`], [`SubsurfaceScattering`], [`BentNormals`], [`DirectionalOcclusion`]), one of the
+//!   caller's, in WGSL, or two of them in one splat ([`Effect::and`]).
 //! * [`Reconstructor`]: the sums smoothed, added up and written into the caller's texture.
 //! * [`BouncedZBuffer`] in place of the splatter, where it matters what hides what: what each pixel meets first along N
 //!   directions of its own, exactly. Its noise falls with N, and nothing else is approximate.
@@ -153,8 +154,11 @@ pub use depth_moments::DepthMoments;
 pub use effect::{Channels, Effect};
 pub use effects::{
     ambient_occlusion::{AmbientOcclusion, Overlap},
+    bent_normals::BentNormals,
     diffuse_bounce::DiffuseBounce,
+    directional_occlusion::DirectionalOcclusion,
     scattering::{Dipole, Scattering},
+    specular_bounce::SpecularBounce,
     subsurface_scattering::SubsurfaceScattering,
 };
 pub use environment::{

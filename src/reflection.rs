@@ -59,15 +59,21 @@ pub(crate) fn effects() -> [Effect; 2] {
     let all = Effect {
         source: "
             fn max_distance(s: Sender, e: f32) -> f32 { return s.radius / e; }
-            fn contribution(s: Sender, n: vec3f, to: vec3f, d2: f32) -> Sum {
-              return Sum(vec4f(s.material.emission, 1.0), vec4f(s.front + s.back, 1.0));
+            fn contribution(s: Sender, n: vec3f, to: vec3f, d2: f32, r: Receiver) -> Sum {
+              let sky = environment_mean(r.to_eye, r.roughness);
+              return Sum(vec4f(s.material.emission, 1.0), vec4f(s.front + s.back + sky, 1.0));
             }
-            fn resolve(sum: Sum, albedo: vec3f) -> vec4f { return vec4f(sum[1].xyz * albedo, 1.0); }"
-            .into(),
+            fn resolve(sum: Sum, albedo: vec3f, r: Receiver) -> vec4f {
+              return vec4f(sum[1].xyz * albedo * environment_irradiance_at(r.normal), 1.0);
+            }"
+        .into(),
         channels: 8,
         materials: true,
         radiance: true,
         albedo: true,
+        view: true,
+        roughness: true,
+        environment: true,
         ..plain.clone()
     };
     [plain, all]

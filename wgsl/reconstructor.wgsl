@@ -53,10 +53,22 @@ struct Params {
 #if SMOOTHED
 @group(0) @binding(3) var means: texture_2d_array<f32>;
 #endif
-#if ALBEDO
+#if ALBEDO || ROUGHNESS
 #import sub_image
+#endif
+#if ALBEDO
 #import albedo
 @group(0) @binding(4) var albedo_texture: texture_2d<f32>;
+#endif
+#if ROUGHNESS
+#import roughness
+@group(0) @binding(5) var roughness_texture: texture_2d<f32>;
+#endif
+#if ENVIRONMENT
+#import environment_levels
+@group(0) @binding(6) var<uniform> environment: Environment;
+@group(0) @binding(7) var environment_levels: texture_2d<f32>;
+@group(0) @binding(8) var<storage, read> environment_irradiance: array<vec4f, 9>;
 #endif
 #import effect
 #import output
@@ -280,12 +292,27 @@ fn smooth_columns(@builtin(global_invocation_id) id: vec3u) {
 fn reconstruct(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
   let at = clamp(vec2i(fragment.xy) - vec2i(params.camera.viewport.xy), vec2i(0), size() - 1);
   var albedo = vec3f(1.0);
+#if ALBEDO || ROUGHNESS
+  let pixel = params.viewport.xy + stands_for(vec2u(at), params.sub_image, params.viewport.zw);
+#endif
 #if ALBEDO
-  let pixel = stands_for(vec2u(at), params.sub_image, params.viewport.zw);
-  albedo = decode_albedo(textureLoad(albedo_texture, params.viewport.xy + pixel, 0).xyz);
+  albedo = decode_albedo(textureLoad(albedo_texture, pixel, 0).xyz);
+#endif
+#if RECEIVER
+  var receiver = Receiver();
 #endif
   var total = Sum();
-  if textureLoad(receivers, at, 0).w != SKY {
+  let texel = textureLoad(receivers, at, 0);
+  if texel.w != SKY {
+#if RECEIVER
+    receiver.normal = unpack_normal(texel.w);
+#endif
+#if VIEW
+    receiver.to_eye = to_camera(params.camera, receiver_position(texel) - params.camera.eye);
+#endif
+#if ROUGHNESS
+    receiver.roughness = clean_roughness(textureLoad(roughness_texture, pixel, 0).x);
+#endif
     let finest = sum_at(at, 0u);
     if is_usable(finest) {
       total = finest;
@@ -298,7 +325,11 @@ fn reconstruct(@builtin(position) fragment: vec4f) -> @location(0) vec4f {
 #endif
 #endif
   }
+#if RECEIVER
+  return held(resolved(total, albedo, receiver));
+#else
   return held(resolved(total, albedo));
+#endif
 }
 
 #endif

@@ -89,6 +89,31 @@ struct Params {
 #if RADIANCE
 @group(0) @binding(10) var<storage, read> radiance: array<SurfelRadiance>;
 #endif
+#if VIEW || ROUGHNESS
+// Where pixels are seen from.
+struct View {
+  camera: Camera,
+  // Which sub-image.
+  sub_image: u32,
+  padding0: u32,
+  padding1: u32,
+  padding2: u32,
+}
+
+#import camera
+#import sub_image
+@group(0) @binding(11) var<uniform> view: View;
+#endif
+#if ROUGHNESS
+#import roughness
+@group(0) @binding(12) var roughness_texture: texture_2d<f32>;
+#endif
+#if ENVIRONMENT
+#import environment_levels
+@group(0) @binding(13) var<uniform> environment: Environment;
+@group(0) @binding(14) var environment_levels: texture_2d<f32>;
+@group(0) @binding(15) var<storage, read> environment_irradiance: array<vec4f, 9>;
+#endif
 
 #import effect
 
@@ -104,10 +129,16 @@ fn material_of(number: u32) -> Material {
 }
 #endif
 
+// The surfels of the other sub-buffers lie like this one's: each of its surfels stands for all of theirs.
+fn level_share() -> f32 {
+  return f32(1u << (2u * params.level));
+}
+
 fn sender_of(at: u32, disk: vec4f, source: SurfelSource) -> Sender {
   var sender: Sender;
   sender.radius = disk.w;
   sender.normal = unpack_normal(source.normal);
+  sender.share = level_share();
 #if MATERIAL
   sender.material = material_of(source.material);
 #endif
@@ -325,6 +356,12 @@ struct Pixel {
   // Of the surface itself, where `normal` may be that of a normal map.
   surface: vec3f,
 #endif
+#if VIEW
+  to_eye: vec3f,
+#endif
+#if ROUGHNESS
+  roughness: f32,
+#endif
 }
 
 #if OWN_SURFACE
@@ -381,11 +418,9 @@ fn load_pixel(row: vec2u, i: u32, sub_buffer: u32) -> Pixel {
   let block = row + vec2u(i, 0u);
   let at = pixel_of(block, sub_buffer, params.level, params.seed);
   // Far outside of every bounded shell and facing nowhere, so that what follows needs no test for the sky.
-#if OWN_SURFACE
-  var pixel = Pixel(vec3f(UNBOUNDED), 0u, vec3f(0.0), at.x | (at.y << 16u), vec3f(0.0));
-#else
-  var pixel = Pixel(vec3f(UNBOUNDED), 0u, vec3f(0.0), at.x | (at.y << 16u));
-#endif
+  var pixel = Pixel();
+  pixel.position = vec3f(UNBOUNDED);
+  pixel.at = at.x | (at.y << 16u);
   if sub_buffer < (1u << (2u * params.level)) && all(block < params.sub_size) && all(at < params.size) {
     pixel.inside = 1u;
     let texel = textureLoad(receivers, at, 0);
@@ -394,6 +429,13 @@ fn load_pixel(row: vec2u, i: u32, sub_buffer: u32) -> Pixel {
       pixel.normal = unpack_normal(texel.w);
 #if OWN_SURFACE
       pixel.surface = surface_normal(vec2i(at), pixel.position, pixel.normal);
+#endif
+#if VIEW
+      pixel.to_eye = to_camera(view.camera, pixel.position - view.camera.eye);
+#endif
+#if ROUGHNESS
+      let shown = view.camera.viewport.xy + stands_for(at, view.sub_image, view.camera.viewport.zw);
+      pixel.roughness = clean_roughness(textureLoad(roughness_texture, shown, 0).x);
 #endif
     }
   }
@@ -429,6 +471,20 @@ var<private> in_shell: u32;
 var<private> contributing: u32;
 #endif
 
+#if RECEIVER
+fn receiver_of(pixel: Pixel) -> Receiver {
+  var receiver: Receiver;
+  receiver.normal = pixel.normal;
+#if VIEW
+  receiver.to_eye = pixel.to_eye;
+#endif
+#if ROUGHNESS
+  receiver.roughness = pixel.roughness;
+#endif
+  return receiver;
+}
+#endif
+
 // What a surfel adds to one pixel.
 fn pair(disk: vec4f, sender: Sender, radii2: vec2f, pixel: Pixel) -> Sum {
   let to_sender = disk.xyz - pixel.position;
@@ -438,7 +494,11 @@ fn pair(disk: vec4f, sender: Sender, radii2: vec2f, pixel: Pixel) -> Sum {
 #else
   let inside = (distance2 >= radii2.x) & (distance2 < radii2.y);
 #endif
+#if RECEIVER
+  let value = contribution(sender, pixel.normal, to_sender, distance2, receiver_of(pixel));
+#else
   let value = contribution(sender, pixel.normal, to_sender, distance2);
+#endif
 #if STATISTICS
   in_shell += select(0u, 1u, inside);
   contributing += select(0u, 1u, inside && is_positive(value));
@@ -662,6 +722,7 @@ fn splat(
           var sender: Sender;
           sender.radius = disk.w;
           sender.normal = subgroupShuffle(own_normal, giver);
+          sender.share = level_share();
 #if MATERIAL
           sender.material = material_of(subgroupShuffle(own_material, giver));
 #endif
@@ -727,8 +788,7 @@ fn splat(
     continuing { break if group_base >= group_count; }
   }
 
-  // The surfels of the other sub-buffers lie like this one's: each of its surfels stands for all of theirs.
-  let share = f32(1u << (2u * params.level));
+  let share = level_share();
   store_sum(q0, s0 * share); store_sum(q1, s1 * share); store_sum(q2, s2 * share); store_sum(q3, s3 * share);
   store_sum(q4, s4 * share); store_sum(q5, s5 * share); store_sum(q6, s6 * share); store_sum(q7, s7 * share);
 #if STATISTICS

@@ -2,6 +2,7 @@
 //!
 //! Ambient occlusion (`--effect ao`) is written to `ao.exr` (one channel `Y`, 1 = open) and `ao.png`, indirect light
 //! (`--effect gi`) to `gi.exr` (R, G, B: outgoing radiance of `--bounces` diffuse bounces, 1 by default) and `gi.png`,
+//! one bounce off glossy surfaces (`--effect specular`, of `--roughness` and `--f0`) to `specular.exr` and `specular.png`,
 //! directional occlusion (`--effect do`, what white surfaces send on of a sky) to `do.exr` and `do.png`, bent normals
 //! (`--effect bent`, their x, y and z, in the PNG from -1 to 1) to `bent.exr` and `bent.png`, subsurface scattering
 //! (`--effect sss`, outgoing radiance of what `--scatters` of `--material`) to `sss.exr` and `sss.png`, volumetric obscurance
@@ -26,7 +27,7 @@ use deep_screen_space::{
     glam::{DQuat, DVec3},
     reference::{
         environment::Cells,
-        trace::{BentEstimate, ColorEstimate, Estimate, Receiver, Tracer},
+        trace::{BentEstimate, ColorEstimate, Estimate, Gloss, Receiver, Tracer},
     },
     scenes::{self, Scene},
 };
@@ -72,10 +73,12 @@ pub(crate) struct Options {
     /// Size of the picture in pixels, `WxH`.
     #[arg(long, value_parser = arguments::parse_size)]
     size: Option<[u32; 2]>,
-    /// What to compute: ambient occlusion, one bounce of diffuse light, directional occlusion, bent normals, subsurface
-    /// scattering, volumetric obscurance, soft shadows or indirect light from the G-buffer alone, or a bounce from a reflective
-    /// shadow map on a hull.
-    #[arg(long, default_value = "ao", value_parser = ["ao", "gi", "do", "bent", "sss", "vo", "shadow", "ssgi", "sg"])]
+    /// What to compute: ambient occlusion, one bounce of diffuse light or of glossy light, directional occlusion, bent
+    /// normals, subsurface scattering, volumetric obscurance, soft shadows or indirect light from the G-buffer alone, or a
+    /// bounce from a reflective shadow map on a hull.
+    #[arg(long, default_value = "ao", value_parser = [
+        "ao", "gi", "specular", "do", "bent", "sss", "vo", "shadow", "ssgi", "sg",
+    ])]
     pub(crate) effect: String,
     /// What scatters light below its surface, for `--effect sss`: apple, chicken1, chicken2, cream, ketchup, marble, potato,
     /// skimmilk, skin1, skin2, spectralon or wholemilk.
@@ -100,6 +103,12 @@ pub(crate) struct Options {
     /// The sky of `--effect do`: dim, or the same with a small bright sun.
     #[arg(long, default_value = "sunny", value_parser = sky::NAMES)]
     sky: String,
+    /// Perceptual roughness of all surfaces, 0 to 1, for `--effect specular`.
+    #[arg(long, default_value_t = 0.3, value_parser = view::parse_share)]
+    roughness: f32,
+    /// Their reflectance seen straight on, 0 to 1.
+    #[arg(long, default_value_t = 0.04, value_parser = view::parse_share)]
+    f0: f32,
     /// How to compute it: by the bounced z-buffer, which knows what hides what, or by splatting, which adds up.
     #[arg(long, default_value = "bounced", value_parser = ["bounced", "splat"])]
     method: String,
@@ -149,9 +158,17 @@ impl Options {
         self.effect == "gi"
     }
 
+    /// Whether it is light, which comes from any distance.
+    fn light(&self) -> bool {
+        self.gi() || self.effect == "specular"
+    }
+
     /// Whether the picture has colours.
     fn colors(&self) -> bool {
-        matches!(self.effect.as_str(), "gi" | "do" | "bent" | "sss" | "ssgi")
+        matches!(
+            self.effect.as_str(),
+            "gi" | "specular" | "do" | "bent" | "sss" | "ssgi"
+        )
     }
 }
 
@@ -189,7 +206,7 @@ pub(crate) fn prepare(options: &Options) -> Result<(Scene, Shot), String> {
 
 /// Renders, and writes what comes of it.
 pub(crate) fn draw(gpu: &Gpu, options: &Options, scene: &Scene, shot: &Shot) -> Result<(), String> {
-    let radius = if options.gi() {
+    let radius = if options.light() {
         f32::INFINITY
     } else {
         options.radius.unwrap_or(scene.ao_radius)
@@ -279,8 +296,12 @@ fn write(
         files::write_png_rgb(&png, width, height, &shown, 1.0)?;
     } else if options.colors() {
         files::write_exr_rgb(&path("exr"), width, height, pixels)?;
-        // A sky is brighter than what rooms reflect.
-        let exposure = if options.effect == "do" { 0.5 } else { 2.0 };
+        // A sky is brighter than what rooms reflect, and little of that is reflected at a surface.
+        let exposure = match options.effect.as_str() {
+            "do" => 0.5,
+            "specular" => 1.0 / f32::max(options.f0, 0.04),
+            _ => 2.0,
+        };
         files::write_png_rgb(&png, width, height, pixels, exposure)?;
     } else {
         let grey: Vec<f32> = pixels.iter().map(|p| p[0]).collect();
@@ -339,6 +360,16 @@ fn truth(
             Ok(truth.into_iter().map(|e| e.map(bent)).collect())
         }
         "sss" => subsurface::truth(options, scene, shot, (&tracer, &receivers), rays),
+        "specular" => {
+            let materials = scene.triangle_materials();
+            let gloss = Gloss {
+                eye: shot.eye,
+                roughness: options.roughness.into(),
+                f0: DVec3::splat(options.f0.into()),
+            };
+            let sources = (&materials[..], &shot.lights[..]);
+            Ok(tracer.glossy_image(&receivers, &gloss, sources, (rays, 1), true))
+        }
         "gi" => {
             let materials = scene.triangle_materials();
             let albedo = shot.albedo(scene, &tracer);

@@ -1,9 +1,10 @@
 //! The ways to render a picture.
 
 use deep_screen_space::{
-    AmbientOcclusion, CloudCapacity, DiffuseBounce, Effect, EnvironmentBuilder,
-    EnvironmentSettings, Error, HitResolverSettings, Overlap, Payload, Piece, Primitives,
-    RaySettings, SurfelCounts, scenes::Scene,
+    AmbientOcclusion, BentNormals, CloudCapacity, DiffuseBounce, DirectionalOcclusion, Effect,
+    Environment, EnvironmentBuilder, EnvironmentSettings, Error, HitResolverSettings, Overlap,
+    Payload, Piece, Primitives, RaySettings, Sampling, SpecularBounce, SurfelCounts,
+    reference::environment::Picture, scenes::Scene, wgpu,
 };
 use serde_json::{Value, json};
 
@@ -148,17 +149,10 @@ pub fn splat(
     shot: &Shot,
     radius: f32,
 ) -> Result<Rendered, String> {
-    if !["ao", "gi"].contains(&options.effect.as_str()) {
-        return Err(format!(
-            "--method splat has no --effect {}; --method bounced has",
-            options.effect
-        ));
-    }
     let preset = presets::preset(&options.preset, radius).ok_or("no such preset")?;
     let what = Splat {
         effect: &splatted(options).map_err(|e| e.to_string())?,
         preset,
-        lit: options.gi(),
     };
     let settings = json!({
         "two_sided": options.two_sided,
@@ -171,8 +165,6 @@ pub fn splat(
 pub struct Splat<'a> {
     pub effect: &'a Effect,
     pub preset: presets::Preset,
-    /// Whether the effect reads what surfels send.
-    pub lit: bool,
 }
 
 /// Any effect; `settings` are of the effect itself.
@@ -183,11 +175,7 @@ pub fn splat_of(
     shot: &Shot,
     (what, mut settings): (Splat<'_>, Value),
 ) -> Result<Rendered, String> {
-    let Splat {
-        effect,
-        mut preset,
-        lit,
-    } = what;
+    let Splat { effect, mut preset } = what;
     if let Some(radius_pixels) = options.radius_pixels {
         preset.surfelizer.radius_pixels = radius_pixels;
     }
@@ -203,14 +191,23 @@ pub fn splat_of(
     if scene.holes.is_some() {
         eprintln!("render: splats take alpha-tested triangles for whole");
     }
+    let shown = sky::by_name(&options.sky).ok_or("no such sky")?;
     let size = [shot.width, shot.height];
     let meshes = buffers.meshes();
     let (renderer, rendered, capacity) = with_room(
         (gpu, options, &buffers),
         options.surfels,
-        |capacity| Renderer::of(gpu, effect, capacity, size, preset.splat.levels, false),
+        |capacity| {
+            let mut renderer =
+                Renderer::of(gpu, effect, capacity, size, preset.splat.levels, false)?;
+            if effect.environment {
+                renderer.environment = Some(under(gpu, &shown)?);
+            }
+            renderer.roughness = effect.roughness.then(|| roughness(gpu, options, size));
+            Ok(renderer)
+        },
         |renderer| {
-            if lit {
+            if effect.radiance {
                 renderer.render_lit(gpu, &raster, &buffers, &camera, &shot.lights, &preset)
             } else {
                 renderer.render(gpu, &raster, &meshes, &camera, &preset)
@@ -248,23 +245,50 @@ pub fn splat_of(
 
 fn splatted(options: &Options) -> Result<Effect, Error> {
     let two_sided = options.two_sided;
-    if options.gi() {
-        return DiffuseBounce {
+    let overlap = if options.independent {
+        Overlap::Independent
+    } else {
+        Overlap::Add
+    };
+    match options.effect.as_str() {
+        "gi" => DiffuseBounce {
             two_sided,
             ..DiffuseBounce::default()
         }
-        .effect();
+        .effect(),
+        "specular" => SpecularBounce {
+            two_sided,
+            f0: [options.f0; 3],
+            ..SpecularBounce::default()
+        }
+        .effect(),
+        "do" => Ok(DirectionalOcclusion { two_sided, overlap }.effect()),
+        "bent" => Ok(BentNormals { two_sided, overlap }.effect()),
+        _ => {
+            let effect = AmbientOcclusion {
+                two_sided,
+                overlap,
+                ..AmbientOcclusion::default()
+            };
+            Ok(effect.effect())
+        }
     }
-    let effect = AmbientOcclusion {
-        two_sided,
-        overlap: if options.independent {
-            Overlap::Independent
-        } else {
-            Overlap::Add
-        },
-        ..AmbientOcclusion::default()
+}
+
+/// The sky that was asked for, for rays and for sums.
+fn under(gpu: &Gpu, shown: &Picture) -> Result<Environment, Error> {
+    let builder = EnvironmentBuilder::new(&gpu.device)?;
+    let settings = EnvironmentSettings {
+        levels: true,
+        ..EnvironmentSettings::default()
     };
-    Ok(effect.effect())
+    sky::build(gpu, &builder, shown, &settings)
+}
+
+/// That of all pixels alike.
+fn roughness(gpu: &Gpu, options: &Options, [width, height]: [u32; 2]) -> wgpu::TextureView {
+    let texels = vec![options.roughness; (width * height) as usize];
+    gpu.texture(wgpu::TextureFormat::R32Float, width, height, &texels)
 }
 
 /// Nearest hits along directions of each pixel.
@@ -277,12 +301,16 @@ pub fn bounced(
 ) -> Result<Rendered, String> {
     let camera = shot.camera()?;
     let payload = match options.effect.as_str() {
-        "gi" => Payload::LitRadiance,
+        "gi" | "specular" => Payload::LitRadiance,
         "do" => Payload::Sky,
         _ => Payload::Occlusion,
     };
-    let mut preset =
-        presets::bounced_preset(&options.preset, payload, radius).ok_or("no such preset")?;
+    let glossy = options.effect == "specular";
+    let mut rays = presets::rays(&options.preset, payload).ok_or("no such preset")?;
+    if glossy {
+        rays = rays.everywhere();
+    }
+    let mut preset = presets::of(&rays, radius);
     if let Some(rays_per_pixel) = options.rays_per_pixel {
         preset = presets::bounced(rays_per_pixel, payload, radius);
     }
@@ -294,6 +322,7 @@ pub fn bounced(
     if options.effect == "bent" {
         preset.reconstructor = HitResolverSettings::for_bent_normals(preset.bounced.rays_per_pixel);
     }
+    preset.reconstructor.f0 = [options.f0; 3];
     if let Some(window) = options.window {
         preset.reconstructor.radius = window;
     }
@@ -311,11 +340,15 @@ pub fn bounced(
             Primitives::Triangles
         },
         bounces: if options.gi() { options.bounces } else { 1 },
+        sampling: if glossy {
+            Sampling::Glossy
+        } else {
+            Sampling::default()
+        },
         ..RayRoom::default()
     };
     let surfels = if room.bounces > 1 { options.surfels } else { 0 };
     let lights = &shot.lights;
-    let builder = EnvironmentBuilder::new(&gpu.device).map_err(|e| e.to_string())?;
     let shown = sky::by_name(&options.sky).ok_or("no such sky")?;
     let (renderer, picture, capacity) = with_room(
         (gpu, options, &buffers),
@@ -323,10 +356,9 @@ pub fn bounced(
         |capacity| {
             let mut renderer = BouncedRenderer::new(gpu, payload, capacity, size, room)?;
             if payload == Payload::Sky {
-                let settings = EnvironmentSettings::default();
-                let environment = sky::build(gpu, &builder, &shown, &settings)?;
-                renderer.scene.environment = Some(environment);
+                renderer.scene.environment = Some(under(gpu, &shown)?);
             }
+            renderer.roughness = glossy.then(|| roughness(gpu, options, size));
             Ok(renderer)
         },
         |renderer| renderer.render(gpu, &raster, &buffers, &camera, lights, &preset),

@@ -77,7 +77,6 @@ pub fn render(
     let what = Splat {
         effect: &effect.effect().map_err(|e| e.to_string())?,
         preset: effect.splats(quality, pixel as f32),
-        lit: true,
     };
     let settings = json!({ "material": options.material, "pixel": pixel });
     splat_of(

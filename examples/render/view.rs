@@ -442,3 +442,11 @@ pub fn parse_radius(text: &str) -> Result<f32, String> {
         .filter(|r| *r >= 0.0)
         .ok_or_else(|| "a distance of 0 or more, or inf".into())
 }
+
+/// A number from 0 to 1.
+pub fn parse_share(text: &str) -> Result<f32, String> {
+    text.parse::<f32>()
+        .ok()
+        .filter(|share| (0.0..=1.0).contains(share))
+        .ok_or_else(|| "a number from 0 to 1".into())
+}

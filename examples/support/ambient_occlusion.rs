@@ -1,11 +1,12 @@
 //! The passes wired together for effects by splatting.
 
 use deep_screen_space::{
-    AmbientOcclusion, Bvh, BvhBuilder, Camera, CloudCapacity, ClusterInput, Effect, Error,
-    Geometry, Light, Mesh, Primitives, Reach, Reconstructor, ReconstructorInput, ReconstructorView,
-    ShadedLight, Shadow, ShellSplatter, ShellSplatterDescriptor, SplatInput, SplatView,
-    SurfelCloud, SurfelClusters, SurfelCounts, SurfelShader, SurfelShaderInput,
-    SurfelShaderSettings, Surfelizer, SurfelizerInput, TextureSlice, wgpu,
+    AmbientOcclusion, Bvh, BvhBuilder, Camera, CloudCapacity, ClusterInput, Effect, Environment,
+    EnvironmentLight, Error, GBuffer, Geometry, Light, Mesh, Primitives, Reach, Reconstructor,
+    ReconstructorInput, ReconstructorView, ShadedLight, Shadow, ShellSplatter,
+    ShellSplatterDescriptor, SplatInput, SplatView, SurfelCloud, SurfelClusters, SurfelCounts,
+    SurfelShader, SurfelShaderInput, SurfelShaderSettings, Surfelizer, SurfelizerInput,
+    TextureSlice, wgpu,
 };
 
 use super::{decoding::Decoding, gpu::Gpu, presets::Preset, raster::Raster, scene::SceneBuffers};
@@ -39,6 +40,10 @@ pub struct Renderer {
     pub decoding: Decoding,
     pub view: SplatView,
     scratch: ReconstructorView,
+    /// What effects are under that ask for one.
+    pub environment: Option<Environment>,
+    /// Of all pixels, for effects that ask for it.
+    pub roughness: Option<wgpu::TextureView>,
     /// One an output of the effect.
     targets: Vec<wgpu::TextureView>,
 }
@@ -47,7 +52,7 @@ pub struct Renderer {
 pub struct Rendered {
     /// Red of the first: for ambient occlusion 1 = open.
     pub visibility: Vec<f32>,
-    /// One an output, of effects that read light; none of others.
+    /// One an output, of effects of several channels; none of others.
     pub pictures: Vec<Vec<[f32; 4]>>,
     /// A name and milliseconds by `Gpu::stopwatch` per pass.
     pub passes: Vec<Timed>,
@@ -127,7 +132,7 @@ impl Renderer {
                 statistics,
             },
         )?;
-        let format = if effect.radiance {
+        let format = if effect.channels > 1 {
             wgpu::TextureFormat::Rgba32Float
         } else {
             wgpu::TextureFormat::R32Float
@@ -152,6 +157,8 @@ impl Renderer {
             scratch: reconstructor.create_view(device, &view)?,
             decoding: Decoding::new(gpu, [width, height])?,
             view,
+            environment: None,
+            roughness: None,
             targets: outputs.map(|_| gpu.target(format, width, height)).collect(),
             surfelizer,
             splatter,
@@ -250,13 +257,19 @@ impl Renderer {
         });
         done?;
         let origin = self.cloud.origin();
-        let (decode_ms, frame) = self.decoding.frame(gpu, raster.gbuffer(), camera, origin)?;
+        let gbuffer = GBuffer {
+            roughness: self.roughness.as_ref().map(|view| view.texture().into()),
+            ..raster.gbuffer()
+        };
+        let (decode_ms, frame) = self.decoding.frame(gpu, gbuffer, camera, origin)?;
+        let environment = self.environment.as_ref().map(EnvironmentLight::new);
         let (splat_ms, done) = gpu.time(|encoder| {
             self.splatter.record(
                 device,
                 encoder,
                 &SplatInput {
                     radiance,
+                    environment,
                     ..SplatInput::new(&frame, &self.cloud, &self.clusters)
                 },
                 &preset.splat,
@@ -272,6 +285,7 @@ impl Renderer {
                 encoder,
                 &ReconstructorInput {
                     further: &slices[1..],
+                    environment,
                     ..ReconstructorInput::new(&frame, &self.view, slices[0])
                 },
                 &preset.reconstructor,
@@ -286,7 +300,8 @@ impl Renderer {
             ("splat", splat_ms),
             ("reconstruct", reconstruct_ms),
         ]);
-        let pictures: Vec<Vec<[f32; 4]>> = if self.lighting.is_some() {
+        let is_of_colors = self.targets[0].texture().format() != wgpu::TextureFormat::R32Float;
+        let pictures: Vec<Vec<[f32; 4]>> = if is_of_colors {
             let targets = self.targets.iter();
             targets.map(|t| gpu.read_texture(t.texture(), 0)).collect()
         } else {

@@ -390,6 +390,8 @@ impl Gatherer {
 pub struct BouncedRenderer {
     pub scene: TracedScene,
     pub gatherer: Gatherer,
+    /// Of all pixels, where receivers are glossy.
+    pub roughness: Option<wgpu::TextureView>,
 }
 
 /// The picture and what it took.
@@ -428,6 +430,8 @@ pub struct RayRoom {
     pub bounces: u32,
     /// What rays meet: triangles of a cloud, with holes or without.
     pub primitives: Primitives,
+    /// Where rays go; of glossy receivers the renderer is given the roughness.
+    pub sampling: Sampling,
 }
 
 impl BouncedRenderer {
@@ -446,6 +450,7 @@ impl BouncedRenderer {
             bent_normals,
             bounces,
             primitives,
+            sampling,
         } = room;
         let payload = if bounces > 1 && payload == Payload::LitRadiance {
             Payload::LitAndGathered
@@ -454,7 +459,7 @@ impl BouncedRenderer {
         };
         let descriptor = HitResolverDescriptor {
             payload,
-            sampling: Sampling::default(),
+            sampling,
             deferred: false,
             counted,
             joined: false,
@@ -470,6 +475,7 @@ impl BouncedRenderer {
                 TracedScene::new(gpu, &gatherer, capacity)?
             },
             gatherer,
+            roughness: None,
         })
     }
 
@@ -520,7 +526,8 @@ impl BouncedRenderer {
         let mut passes = traced.update(gpu, scene, camera, lights, (&settings, samples))?;
         let how = (&preset.bounced, &preset.reconstructor);
         let further = preset.further.as_ref();
-        passes.extend(gatherer.render(gpu, (raster, None), camera, traced, how, further)?);
+        let roughness = self.roughness.as_ref().map(wgpu::TextureView::texture);
+        passes.extend(gatherer.render(gpu, (raster, roughness), camera, traced, how, further)?);
         let counts: Vec<SurfelCounts> = gpu.read_buffer(traced.cloud.counters());
         Ok(Picture {
             pixels: gatherer.pixels(gpu),

@@ -33,9 +33,14 @@ pub fn preset(name: &str, radius: f32) -> Option<Preset> {
     Some(quality(name)?.splats(radius))
 }
 
+/// One of [`NAMES`].
+pub fn rays(name: &str, payload: Payload) -> Option<RaySettings> {
+    Some(quality(name)?.rays(payload))
+}
+
 /// One of [`NAMES`], for hits nearer than `radius`.
 pub fn bounced_preset(name: &str, payload: Payload, radius: f32) -> Option<BouncedPreset> {
-    Some(of(&quality(name)?.rays(payload), radius))
+    Some(of(&rays(name, payload)?, radius))
 }
 
 /// So many rays per pixel, and the filter that suits them.

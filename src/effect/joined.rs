@@ -2,7 +2,7 @@
 
 use std::{borrow::Cow, collections::BTreeSet, fmt::Write as _};
 
-use super::Effect;
+use super::{Effect, receiver_argument};
 use crate::{
     error::{Error, check_setting},
     gpu::tokens::{tokens, without_comments},
@@ -42,12 +42,13 @@ impl Effect {
         }
         let both = parts.each_ref();
         let own_surface = self.own_surface || other.own_surface;
-        source += &joining(both, channels, own_surface);
+        let receiver = self.receiver() || other.receiver();
+        source += &joining(both, channels, [own_surface, receiver]);
         let mut outputs = Vec::new();
         for part in both {
             for name in &part.effect.outputs {
                 let output = format!("{own}output{}", outputs.len());
-                source += &part.output(name, &output);
+                source += &part.output(name, &output, receiver);
                 outputs.push(output.into());
             }
         }
@@ -59,6 +60,10 @@ impl Effect {
             materials: self.materials || other.materials,
             radiance: self.radiance || other.radiance,
             albedo: self.albedo || other.albedo,
+            normal: self.normal || other.normal,
+            view: self.view || other.view,
+            roughness: self.roughness || other.roughness,
+            environment: self.environment || other.environment,
             two_sided: self.two_sided || other.two_sided,
             own_surface,
             constants: both.map(Part::constants).concat(),
@@ -93,15 +98,17 @@ impl<'a> Part<'a> {
     }
 
     /// The function that makes this picture of a sum of both.
-    fn output(&self, name: &str, output: &str) -> String {
+    fn output(&self, name: &str, output: &str, receiver: bool) -> String {
         let Self { prefix, share, .. } = self;
         let albedo = if self.effect.albedo {
             "albedo"
         } else {
             "vec3f(1.0)"
         };
+        let [declared, _] = receiver_argument(receiver);
+        let [_, passed] = receiver_argument(self.effect.receiver());
         format!(
-            "fn {output}(sum: Sum, albedo: vec3f) -> vec4f {{\n  return {prefix}{name}({share}, {albedo});\n}}\n"
+            "fn {output}(sum: Sum, albedo: vec3f{declared}) -> vec4f {{\n  return {prefix}{name}({share}, {albedo}{passed});\n}}\n"
         )
     }
 
@@ -123,20 +130,22 @@ impl<'a> Part<'a> {
 }
 
 /// What the splatter calls.
-fn joining(parts: [&Part<'_>; 2], channels: u32, own_surface: bool) -> String {
+fn joining(parts: [&Part<'_>; 2], channels: u32, [own_surface, receiver]: [bool; 2]) -> String {
     let [a, b] = parts.map(|part| part.prefix.as_str());
     let [wide_a, wide_b] = parts.map(|part| part.effect.channels);
     let components = (0..wide_a).map(|i| component("first", wide_a, i));
     let components = components.chain((0..wide_b).map(|i| component("second", wide_b, i)));
     let sum = sum_of("Sum", components.collect());
+    let [declared, _] = receiver_argument(receiver);
+    let [to_a, to_b] = parts.map(|part| receiver_argument(part.effect.receiver())[1]);
     debug_assert_eq!(channels, wide_a + wide_b);
     let mut text = format!(
         "fn max_distance(sender: Sender, epsilon: f32) -> f32 {{
   return max({a}max_distance(sender, epsilon), {b}max_distance(sender, epsilon));
 }}
-fn contribution(sender: Sender, receiver_normal: vec3f, to_sender: vec3f, distance2: f32) -> Sum {{
-  let first = {a}contribution(sender, receiver_normal, to_sender, distance2);
-  let second = {b}contribution(sender, receiver_normal, to_sender, distance2);
+fn contribution(sender: Sender, receiver_normal: vec3f, to_sender: vec3f, distance2: f32{declared}) -> Sum {{
+  let first = {a}contribution(sender, receiver_normal, to_sender, distance2{to_a});
+  let second = {b}contribution(sender, receiver_normal, to_sender, distance2{to_b});
   return {sum};
 }}
 "

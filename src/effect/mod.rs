@@ -7,13 +7,15 @@ use std::borrow::Cow;
 use wgpu::TextureFormat;
 
 use crate::{
+    environment::EnvironmentLight,
     error::{Error, check_setting},
     gpu::{
         listing,
         preprocess::Module,
         tokens::{tokens, without_comments},
     },
-    receivers::plane_bytes,
+    receivers::{Frame, plane_bytes},
+    texture_slice::TextureSlice,
 };
 
 /// What passes add their modules to, of which some are made for an effect.
@@ -52,9 +54,19 @@ pub enum Channels {
 /// fn own_surface(cosine: f32) -> Sum
 /// ```
 ///
-/// `sender` has `radius` and `normal`, with [`Effect::materials`] `material.albedo`, `material.emission` and
-/// `material.double_sided`, and with [`Effect::radiance`] `front` and `back`, what the surfel sends from each side, in
-/// W/(m² sr); `back` is 0 unless the effect is two-sided.
+/// `sender` has `radius` and `normal`, and `share`, how many surfels near it it stands for on the level that it is splatted
+/// on, 4^l on level l: the sum of theirs is that many times its own contribution. With [`Effect::materials`] it has
+/// `material.albedo`, `material.emission` and `material.double_sided`, and with [`Effect::radiance`] `front` and `back`, what
+/// the surfel sends from each side, in W/(m² sr); `back` is 0 unless the effect is two-sided.
+///
+/// With [`Effect::normal`], [`Effect::view`] or [`Effect::roughness`] `contribution` and the outputs take one argument more, the
+/// last, `receiver: Receiver`: what is known of the pixel. It has `normal`, the unit shading normal, and what else was asked for,
+/// `to_eye`, the unit vector to where it is seen from, and `roughness`, 0 to 1. For the sky, of which outputs make a picture too,
+/// all of it is 0.
+///
+/// With [`Effect::environment`] they may call `environment_mean(direction: vec3f, solid_angle: f32) -> vec3f`, the mean
+/// radiance of about a solid angle (sr) about a direction, and `environment_irradiance_at(normal: vec3f) -> vec3f`, what a
+/// surface has of all of it, W/m².
 ///
 /// `Sum` is `f32` for one channel, `vec2f`, `vec3f` or `vec4f` for two to four, and `mat2x4f` for five to eight: two columns of
 /// four channels, of which those that are too many stay 0.
@@ -77,6 +89,14 @@ pub struct Effect {
     pub radiance: bool,
     /// Whether `albedo` is the G-buffer's; it is 1 otherwise.
     pub albedo: bool,
+    /// Whether `receiver` is given, with its `normal`.
+    pub normal: bool,
+    /// Whether `receiver` is given, with its `to_eye` too.
+    pub view: bool,
+    /// Whether `receiver` is given, with its `roughness` too, which is the G-buffer's.
+    pub roughness: bool,
+    /// Whether there is an [`Environment`](crate::Environment) to call for. Splatter and reconstructor are then given it.
+    pub environment: bool,
     /// Whether a surfel contributes behind its back. Where it does not, surfels that face away are never evaluated.
     pub two_sided: bool,
     /// Whether surfels below a pixel's own surface are left out, which a shading normal that leans away from it would see,
@@ -102,12 +122,21 @@ impl SumPlanes {
     }
 }
 
+/// The last argument of functions that take it, as they declare it and as they are called.
+fn receiver_argument(taken: bool) -> [&'static str; 2] {
+    if taken {
+        [", receiver: Receiver", ", receiver"]
+    } else {
+        [""; 2]
+    }
+}
+
 impl Effect {
     /// The most channels that its sums can have.
     pub const MAX_CHANNELS: u32 = 8;
 
-    /// One of one channel and one output, `resolve`, that is given neither materials, radiance nor albedo and contributes
-    /// before its surfels' fronts alone.
+    /// One of one channel and one output, `resolve`, that is given nothing besides and contributes before its surfels' fronts
+    /// alone.
     pub fn new(label: impl Into<Cow<'static, str>>, source: impl Into<Cow<'static, str>>) -> Self {
         Self {
             label: label.into(),
@@ -117,6 +146,10 @@ impl Effect {
             materials: false,
             radiance: false,
             albedo: false,
+            normal: false,
+            view: false,
+            roughness: false,
+            environment: false,
             two_sided: false,
             own_surface: false,
             constants: Vec::new(),
@@ -135,9 +168,58 @@ impl Effect {
         });
         flags.extend(self.materials.then_some("MATERIAL"));
         flags.extend(self.radiance.then_some("RADIANCE"));
+        flags.extend(self.receiver().then_some("RECEIVER"));
+        flags.extend(self.view.then_some("VIEW"));
+        flags.extend(self.roughness.then_some("ROUGHNESS"));
+        flags.extend(self.environment.then_some("ENVIRONMENT"));
         flags.extend((!self.two_sided).then_some("ONE_SIDED"));
         flags.extend(self.own_surface.then_some("OWN_SURFACE"));
         flags
+    }
+
+    /// Whether its functions are told of the pixel.
+    pub(crate) fn receiver(&self) -> bool {
+        self.normal || self.view || self.roughness
+    }
+
+    /// The environment, where it asks for one; [`Error::Mismatch`] where there is none, or one without levels.
+    pub(crate) fn environment_of<'e>(
+        &self,
+        name: &'static str,
+        given: Option<EnvironmentLight<'e>>,
+    ) -> Result<Option<EnvironmentLight<'e>>, Error> {
+        if !self.environment {
+            return Ok(None);
+        }
+        let needed = format!("one with levels, for the effect {}", self.label);
+        let Some(light) = given else {
+            let found = "none".into();
+            return Err(Error::Mismatch {
+                name,
+                found,
+                needed,
+            });
+        };
+        light.validate()?;
+        if light.environment.levels() < 2 {
+            let found = "one without levels".into();
+            return Err(Error::Mismatch {
+                name,
+                found,
+                needed,
+            });
+        }
+        Ok(Some(light))
+    }
+
+    /// The frame's roughness, where it asks for it; [`Error::Mismatch`] where there is none.
+    pub(crate) fn roughness_of<'f>(
+        &self,
+        frame: &Frame<'f>,
+    ) -> Result<Option<TextureSlice<'f>>, Error> {
+        let by = || format!("the effect {}", self.label);
+        let found = self.roughness.then(|| frame.gbuffer.roughness_for(&by()));
+        found.transpose()
     }
 
     /// Its code, for the shaders that import it.
@@ -152,8 +234,9 @@ impl Effect {
     /// What `resolved()` of the reconstructor is for one of its outputs.
     pub(crate) fn resolved(&self, output: usize) -> String {
         let name = self.outputs.get(output).map_or("resolve", Cow::as_ref);
+        let [declared, passed] = receiver_argument(self.receiver());
         format!(
-            "fn resolved(sum: Sum, albedo: vec3f) -> vec4f {{\n  return {name}(sum, albedo);\n}}\n"
+            "fn resolved(sum: Sum, albedo: vec3f{declared}) -> vec4f {{\n  return {name}(sum, albedo{passed});\n}}\n"
         )
     }
 

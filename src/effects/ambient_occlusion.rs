@@ -13,6 +13,16 @@ pub enum Overlap {
     Independent,
 }
 
+impl Overlap {
+    /// `OVERLAP` of the effects' shaders.
+    pub(crate) fn constant(self) -> f64 {
+        match self {
+            Self::Add => 0.0,
+            Self::Independent => 1.0,
+        }
+    }
+}
+
 /// Ambient occlusion by point-to-disk form factors: visibility of a uniform sky, cosine-weighted about the pixel's
 /// normal; 1 is open (Deep Screen Space 4; Wallace et al. 1989).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -37,13 +47,7 @@ impl AmbientOcclusion {
             own_surface: self.own_surface,
             constants: vec![
                 ("TWO_SIDED".into(), f64::from(u8::from(self.two_sided))),
-                (
-                    "OVERLAP".into(),
-                    match self.overlap {
-                        Overlap::Add => 0.0,
-                        Overlap::Independent => 1.0,
-                    },
-                ),
+                ("OVERLAP".into(), self.overlap.constant()),
             ],
             ..Effect::new(
                 "ambient occlusion",

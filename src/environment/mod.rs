@@ -19,11 +19,11 @@ use crate::{
     gpu::compiler::Compiler,
     gpu::{
         Kernel, Timestamps,
-        binding::{Layout, view, whole},
+        binding::{Layout, Named, view, whole},
         check_timestamps, compute_pass, shader, storage,
         uniforms::{Parameters, Place, Uniforms},
     },
-    receivers::{plane, plane_bytes},
+    receivers::{mipped_plane, plane, plane_bytes},
     recorded::Recordings,
     spherical_gaussian::SphericalGaussian,
     texture_slice::{TextureSlice, check_layers},
@@ -89,6 +89,8 @@ pub struct EnvironmentBuilder {
 pub struct Environment {
     size: [u32; 2],
     radiance: TextureView,
+    /// Of that texture each mip level by itself, and all of them, where there are several.
+    levels: Option<(Vec<TextureView>, TextureView)>,
     distribution: TextureView,
     row_powers: Buffer,
     irradiance: Buffer,
@@ -123,13 +125,39 @@ impl Environment {
         &self.irradiance
     }
 
+    /// In how many grids it is kept, 1 without [`EnvironmentSettings::levels`]: mip levels of the texture of its radiance.
+    pub fn levels(&self) -> u32 {
+        self.radiance.texture().mip_level_count()
+    }
+
+    /// What effects by splatting read of it, by the names of `wgsl/common/environment_levels.wgsl`.
+    pub(crate) fn splatted(&self) -> [Named<'_>; 2] {
+        let all = self.levels.as_ref().map_or(&self.radiance, |(_, all)| all);
+        [
+            ("environment_levels", view(all)),
+            ("environment_irradiance", whole(&self.irradiance)),
+        ]
+    }
+
     /// GPU memory that it owns, bytes.
     pub fn memory_bytes(&self) -> u64 {
-        plane_bytes(TextureFormat::Rgba32Float, self.size, 1)
+        (0..self.levels())
+            .map(|level| plane_bytes(TextureFormat::Rgba32Float, grid_of(self.size, level), 1))
+            .sum::<u64>()
             + plane_bytes(TextureFormat::R32Float, table_size(self.size), 1)
             + self.row_powers.size()
             + self.irradiance.size()
     }
+}
+
+/// The cells of a level.
+fn grid_of(size: [u32; 2], level: u32) -> [u32; 2] {
+    size.map(|n| (n >> level).max(1))
+}
+
+/// How many levels there are down to two rows.
+fn levels_of([_, rows]: [u32; 2]) -> u32 {
+    rows.ilog2().max(1)
 }
 
 /// The rows of the cells, and that of the rows.
@@ -245,23 +273,36 @@ impl EnvironmentBuilder {
     ) -> Result<Environment, Error> {
         settings.validate()?;
         let size = settings.size;
-        let texture = |label, format, size| -> Result<_, Error> {
-            let texture = plane(device, label, format, size, 1)?;
-            Ok(texture.create_view(&wgpu::TextureViewDescriptor::default()))
-        };
         let buffer = |label, bytes| storage(device, label, bytes, BufferUsages::COPY_SRC);
+        let count = if settings.levels { levels_of(size) } else { 1 };
+        let radiance = mipped_plane(
+            device,
+            "deep-screen-space environment radiance",
+            TextureFormat::Rgba32Float,
+            size,
+            count,
+        )?;
+        let distribution = plane(
+            device,
+            "deep-screen-space environment distribution",
+            TextureFormat::R32Float,
+            table_size(size),
+            1,
+        )?;
+        let level = |level| {
+            radiance.create_view(&wgpu::TextureViewDescriptor {
+                base_mip_level: level,
+                mip_level_count: Some(1),
+                ..Default::default()
+            })
+        };
+        let whole =
+            |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
         Ok(Environment {
             size,
-            radiance: texture(
-                "deep-screen-space environment radiance",
-                TextureFormat::Rgba32Float,
-                size,
-            )?,
-            distribution: texture(
-                "deep-screen-space environment distribution",
-                TextureFormat::R32Float,
-                table_size(size),
-            )?,
+            radiance: level(0),
+            levels: (count > 1).then(|| ((0..count).map(level).collect(), whole(&radiance))),
+            distribution: whole(&distribution),
             row_powers: buffer("deep-screen-space environment rows", 4 * u64::from(size[1]))?,
             irradiance: buffer("deep-screen-space environment irradiance", 9 * 16)?,
             recorded: Recordings::default(),
@@ -308,6 +349,17 @@ impl EnvironmentBuilder {
         };
         environment.recorded.advance();
         let params = parameters.add(&params);
+        // Each level is made of the one before as the first is of a picture.
+        let steps: Vec<_> = (1..environment.levels())
+            .map(|level| {
+                let [source_size, size] = [level - 1, level].map(|level| grid_of(size, level));
+                (
+                    level,
+                    size,
+                    parameters.add(&EnvironmentParams { size, source_size }),
+                )
+            })
+            .collect();
         let parameters = self.uniforms.upload(device, encoder, &parameters);
         let (first, shown) = match &shown {
             Shown::Picture(picture) => (&self.picture[0], view(picture)),
@@ -342,6 +394,22 @@ impl EnvironmentBuilder {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &group.raw, &group.offsets);
             pass.dispatch_workgroups(x, y, 1);
+        }
+        let Some((levels, _)) = &environment.levels else {
+            return Ok(());
+        };
+        let (layout, pipeline) = &self.picture[0];
+        pass.set_pipeline(pipeline);
+        for (level, [columns, rows], params) in steps {
+            let level = level as usize;
+            let resources = [
+                ("params", parameters.at(params)),
+                ("source", view(&levels[level - 1])),
+                ("radiance_out", view(&levels[level])),
+            ];
+            let group = layout.group(device, &resources);
+            pass.set_bind_group(0, &group.raw, &group.offsets);
+            pass.dispatch_workgroups(columns.div_ceil(8), rows.div_ceil(8), 1);
         }
         Ok(())
     }

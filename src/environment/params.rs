@@ -83,7 +83,9 @@ pub(crate) struct PlacedParams {
 }
 
 crate::reflection::same_as_wgsl!(
-    placed_is_the_shaders: PlacedParams as "Environment" in ["bounced_z_buffer radiance sky"]
+    placed_is_the_shaders: PlacedParams as "Environment" in [
+        "bounced_z_buffer radiance sky", "shell_splatter splat", "reconstructor",
+    ]
     { to_world, size, columns, rows }
 );
 
@@ -96,13 +98,22 @@ pub(crate) fn cosine_rays(settings: &BouncedSettings) -> u32 {
 
 impl PlacedParams {
     pub fn new(light: &EnvironmentLight<'_>, settings: &BouncedSettings) -> Self {
-        let to_world = glam::DMat3::from_quat(light.rotation.normalize()).as_mat3();
         let [columns, rows] = grid(cosine_rays(settings));
+        Self {
+            columns,
+            rows,
+            ..Self::of(light)
+        }
+    }
+
+    /// For what draws no directions.
+    pub fn of(light: &EnvironmentLight<'_>) -> Self {
+        let to_world = glam::DMat3::from_quat(light.rotation.normalize()).as_mat3();
         Self {
             to_world: to_world.to_cols_array_2d().map(|[x, y, z]| [x, y, z, 0.0]),
             size: light.environment.size(),
-            columns,
-            rows,
+            columns: 0,
+            rows: 0,
         }
     }
 }

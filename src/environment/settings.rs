@@ -10,11 +10,17 @@ pub struct EnvironmentSettings {
     /// time to build grow with the number of cells, the time to trace hardly. Default 256 × 128, cells of 1.4°; the sun is 0.5°
     /// wide.
     pub size: [u32; 2],
+    /// Whether it is kept in coarser grids too, each half as fine as the one before, down to two rows: for effects by splatting
+    /// ([`Effect::environment`](crate::Effect::environment)). A fifth more memory. Default false.
+    pub levels: bool,
 }
 
 impl Default for EnvironmentSettings {
     fn default() -> Self {
-        Self { size: [256, 128] }
+        Self {
+            size: [256, 128],
+            levels: false,
+        }
     }
 }
 

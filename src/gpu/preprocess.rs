@@ -56,6 +56,8 @@ pub(crate) const FLAGS: &[&str] = &[
     "RADIANCE",
     "RAYS",
     "RAY_QUERY",
+    "RECEIVER",
+    "ROUGHNESS",
     "SAMPLES",
     "DISKS",
     "SHADING",
@@ -70,6 +72,7 @@ pub(crate) const FLAGS: &[&str] = &[
     "SUBGROUP",
     "SUMMED",
     "TWO_LEVELS",
+    "VIEW",
     "WIDEN",
 ];
 

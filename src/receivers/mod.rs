@@ -115,12 +115,37 @@ pub(crate) fn plane_for(
     device: &Device,
     label: &'static str,
     format: TextureFormat,
-    [width, height]: [u32; 2],
+    size: [u32; 2],
     layers: u32,
     besides: TextureUsages,
 ) -> Result<wgpu::Texture, Error> {
-    check_view_size(device, label, [width, height])?;
+    check_view_size(device, label, size)?;
+    Ok(device.create_texture(&plane_of(label, format, size, layers, besides)))
+}
+
+/// One with so many mip levels.
+pub(crate) fn mipped_plane(
+    device: &Device,
+    label: &'static str,
+    format: TextureFormat,
+    size: [u32; 2],
+    levels: u32,
+) -> Result<wgpu::Texture, Error> {
+    check_view_size(device, label, size)?;
     Ok(device.create_texture(&wgpu::TextureDescriptor {
+        mip_level_count: levels,
+        ..plane_of(label, format, size, 1, TextureUsages::empty())
+    }))
+}
+
+fn plane_of(
+    label: &'static str,
+    format: TextureFormat,
+    [width, height]: [u32; 2],
+    layers: u32,
+    besides: TextureUsages,
+) -> wgpu::TextureDescriptor<'static> {
+    wgpu::TextureDescriptor {
         label: Some(label),
         size: wgpu::Extent3d {
             width,
@@ -136,7 +161,7 @@ pub(crate) fn plane_for(
             | TextureUsages::COPY_SRC
             | besides,
         view_formats: &[],
-    }))
+    }
 }
 
 /// Bytes of such a texture.

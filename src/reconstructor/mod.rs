@@ -14,6 +14,7 @@ use self::{params::ReconstructorParams, settings::ReconstructorSettings};
 use crate::{
     camera::Viewport,
     effect::{Effect, Listing, SumPlanes},
+    environment::{EnvironmentLight, params::PlacedParams},
     error::Error,
     gpu::compiler::Compiler,
     gpu::listing::name_of,
@@ -24,7 +25,7 @@ use crate::{
         check_timestamps, first_pass,
         screen::{self, Screen},
         shader,
-        uniforms::Uniforms,
+        uniforms::{Parameters, Uniforms},
     },
     receivers::{Frame, plane},
     shell_splatter::{ShellSplatter, SplatView, Splatted},
@@ -94,7 +95,7 @@ impl ReconstructorView {
 /// What one recording of the [`Reconstructor`] works on.
 #[derive(Clone, Copy, Debug)]
 pub struct ReconstructorInput<'a> {
-    /// The frame that was splatted to, of whose G-buffer effects with [`Effect::albedo`] take the albedo.
+    /// The frame that was splatted to, of whose G-buffer effects with [`Effect::albedo`] and [`Effect::roughness`] take these.
     pub frame: &'a Frame<'a>,
     /// The sums, splatted to this frame since their cloud was recorded. They know their levels and sub-image.
     pub sums: &'a SplatView,
@@ -104,12 +105,14 @@ pub struct ReconstructorInput<'a> {
     pub target: TextureSlice<'a>,
     /// The same for the effect's outputs from the second on ([`Effect::outputs`]), in their order: none for an effect of one.
     pub further: &'a [TextureSlice<'a>],
+    /// As [`SplatInput::environment`](crate::SplatInput::environment), the same.
+    pub environment: Option<EnvironmentLight<'a>>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
 
 impl<'a> ReconstructorInput<'a> {
-    /// For an effect of one output, without timestamps.
+    /// For an effect of one output, without environment and timestamps.
     pub fn new(
         frame: &'a Frame<'a>,
         sums: &'a SplatView,
@@ -120,6 +123,7 @@ impl<'a> ReconstructorInput<'a> {
             sums,
             target: target.into(),
             further: &[],
+            environment: None,
             timestamps: None,
         }
     }
@@ -292,8 +296,14 @@ impl Reconstructor {
         settings.validate()?;
         check_timestamps(input.timestamps)?;
         let (splatted, viewport) = self.check(input, scratch)?;
-        let params = ReconstructorParams::new(settings, input.frame, &splatted);
-        let (parameters, params) = self.uniforms.upload_one(device, encoder, &params);
+        let environment = self
+            .effect
+            .environment_of("ReconstructorInput::environment", input.environment)?;
+        let roughness = self.effect.roughness_of(input.frame)?;
+        let mut parameters = Parameters::new(device);
+        let params = parameters.add(&ReconstructorParams::new(settings, input.frame, &splatted));
+        let placed = environment.map(|light| parameters.add(&PlacedParams::of(&light)));
+        let parameters = self.uniforms.upload(device, encoder, &parameters);
         let mut groups = scratch.kept.groups(device);
         let smoothing = scratch.scratch.as_ref().filter(|_| splatted.levels > 1);
         let receivers = input.sums.receivers(&splatted, input.frame);
@@ -326,9 +336,22 @@ impl Reconstructor {
         resources.push(("sums", view(input.sums.sums())));
         resources.extend(smoothing.map(|scratch| ("means", view(&scratch.total))));
         let albedo = input.frame.gbuffer.albedo.filter(|_| self.effect.albedo);
-        let albedo = albedo.map(|slice| slice.read());
-        let group = if let Some(albedo) = &albedo {
-            resources.push(("albedo_texture", view(albedo)));
+        let [albedo, roughness] = [albedo, roughness].map(|slice| slice.map(|slice| slice.read()));
+        let textures = [
+            ("albedo_texture", &albedo),
+            ("roughness_texture", &roughness),
+        ];
+        let textures = textures.map(|(name, texture)| Some((name, view(texture.as_ref()?))));
+        resources.extend(textures.into_iter().flatten());
+        resources.extend(placed.map(|placed| ("environment", parameters.at(placed))));
+        resources.extend(
+            environment
+                .iter()
+                .flat_map(|light| light.environment.splatted()),
+        );
+        // An effect may not read all that it asks for.
+        resources.retain(|(name, _)| layout.names().any(|own| own == *name));
+        let group = if albedo.is_some() || roughness.is_some() {
             layout.group(device, &resources)
         } else {
             groups.next(layout, &resources)
@@ -381,7 +404,7 @@ impl Reconstructor {
             screen::check_target(TARGET, target, viewport, *format)?;
             let others = input.further[i..].iter().map(|other| (TARGET, *other, 1));
             check_apart(TARGET, target, others)?;
-            if self.effect.albedo {
+            if self.effect.albedo || self.effect.roughness {
                 check_apart(TARGET, target, frame.gbuffer.reads())?;
             }
         }

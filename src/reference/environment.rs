@@ -312,3 +312,51 @@ impl Cells {
         })
     }
 }
+
+/// An environment as sums of large terms read it: `wgsl/common/environment_levels.wgsl`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Levels {
+    /// Each half as fine as the one before, down to two rows.
+    pub grids: Vec<Picture>,
+    /// As [`Cells::irradiance`].
+    pub irradiance: [DVec3; 9],
+    /// From its own axes to the world's.
+    pub rotation: DQuat,
+}
+
+impl Levels {
+    /// Those of an environment.
+    pub fn new(cells: &Cells) -> Self {
+        let [columns, rows] = cells.radiance.size;
+        let mut grids = vec![cells.radiance.clone()];
+        for level in 1..rows.ilog2() {
+            let coarser = grids[level as usize - 1].resampled([columns >> level, rows >> level]);
+            grids.push(coarser);
+        }
+        Self {
+            grids,
+            irradiance: cells.irradiance(),
+            rotation: cells.rotation,
+        }
+    }
+
+    fn to_world(&self) -> DMat3 {
+        DMat3::from_quat(self.rotation.normalize())
+    }
+
+    /// The mean radiance of about a solid angle about a direction of the world, a unit vector.
+    pub fn mean(&self, direction: DVec3, solid_angle: f64) -> DVec3 {
+        let finest = self.grids[0].size[1] as f64 / PI;
+        let level = (solid_angle.sqrt() * finest).max(1.0).log2() + 0.5;
+        let level = level.clamp(0.0, self.grids.len() as f64 - 0.5) as usize;
+        self.grids[level].at(self.to_world().transpose() * direction)
+    }
+
+    /// What a surface with a unit normal of the world's has of it without anything in its way, W/m², 0 or more.
+    pub fn irradiance_at(&self, normal: DVec3) -> DVec3 {
+        let polynomials = polynomials_at(self.to_world().transpose() * normal);
+        let terms = self.irradiance.iter().zip(polynomials);
+        let sum: DVec3 = terms.map(|(coefficient, p)| *coefficient * p).sum();
+        sum.max(DVec3::ZERO)
+    }
+}

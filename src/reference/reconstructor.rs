@@ -2,7 +2,7 @@
 
 use std::ops::{AddAssign, Mul};
 
-use glam::DVec3;
+use glam::{DVec3, DVec4};
 use rayon::prelude::*;
 
 use super::shell_splatter::Receiver;
@@ -21,6 +21,12 @@ impl Sum for f64 {
 }
 
 impl Sum for DVec3 {
+    fn is_usable(self) -> bool {
+        self.is_finite()
+    }
+}
+
+impl Sum for DVec4 {
     fn is_usable(self) -> bool {
         self.is_finite()
     }

@@ -5,7 +5,7 @@ use glam::{DVec3, IVec2};
 use rayon::prelude::*;
 
 use super::{
-    effects::{Effect, Sender},
+    effects::{self, Effect, Sender},
     hashing::hash2,
 };
 use crate::{
@@ -210,6 +210,16 @@ pub fn splat<E: Effect>(
         .map(|disk| shell(effect, &disk.sender, level, settings))
         .collect();
     let share = f64::from(sub_buffers);
+    let disks: Vec<Disk> = disks
+        .iter()
+        .map(|disk| Disk {
+            sender: Sender {
+                share,
+                ..disk.sender
+            },
+            ..*disk
+        })
+        .collect();
     // Where the effect has a surface of a pixel's own.
     let surfaces = effect
         .own_surface(1.0)
@@ -228,9 +238,10 @@ pub fn splat<E: Effect>(
             let mut sum = LevelSum::default();
             if let Some(receiver) = &receivers[at] {
                 let surface = surfaces.as_ref().and_then(|all| all[at]);
+                let known = effect.receiver(at, receiver);
                 // The surfels are dealt to the sub-buffers in turn.
                 for k in (sub_buffer as usize..disks.len()).step_by(sub_buffers as usize) {
-                    let pixel = (receiver, surface);
+                    let pixel = (receiver.position, &known, surface);
                     add_pair(effect, &disks[k], shells[k], pixel, margin, &mut sum);
                 }
                 sum.value = sum.value * share;
@@ -254,14 +265,14 @@ fn add_pair<E: Effect>(
     effect: &E,
     disk: &Disk,
     [inner, outer]: [f64; 2],
-    (receiver, surface): (&Receiver, Option<DVec3>),
+    (position, receiver, surface): (DVec3, &effects::Receiver, Option<DVec3>),
     margin: f64,
     sum: &mut LevelSum<E::Sum>,
 ) {
     if outer <= inner {
         return;
     }
-    let to_sender = disk.position - receiver.position;
+    let to_sender = disk.position - position;
     let distance2 = to_sender.length_squared();
     let near = |bound: f64| (distance2 - bound * bound).abs() <= 2.0 * margin * bound * bound;
     let above = surface.map_or(1.0, |surface| surface.dot(to_sender));
@@ -270,7 +281,7 @@ fn add_pair<E: Effect>(
     let grazing = surface.is_some() && above.abs() <= 50.0 * margin * distance2.sqrt();
     let uncertain = margin > 0.0 && (near(inner) || near(outer) || grazing);
     if inside || uncertain {
-        let value = effect.contribution(&disk.sender, receiver.normal, to_sender, distance2);
+        let value = effect.contribution(&disk.sender, receiver, to_sender, distance2);
         if inside {
             sum.value += value;
             sum.in_shell += 1;

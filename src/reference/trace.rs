@@ -14,6 +14,7 @@ mod ambient_occlusion;
 mod bent_normal;
 mod bounces;
 mod environment;
+mod glossy;
 mod hemisphere;
 mod one_bounce;
 mod subsurface_scattering;
@@ -36,6 +37,7 @@ use crate::scenes::Scene;
 
 pub use ambient_occlusion::Estimate;
 pub use bent_normal::BentEstimate;
+pub use glossy::Gloss;
 pub use hemisphere::Receiver;
 pub use one_bounce::ColorEstimate;
 pub use subsurface_scattering::LitPoint;

@@ -12,11 +12,12 @@ use wgpu::{
 };
 
 use self::{
-    params::{LevelPlace, SplatParams, place_levels},
+    params::{LevelPlace, SplatParams, ViewParams, place_levels},
     settings::{MIN_EPSILON, SplatSettings},
 };
 use crate::{
     effect::{Effect, Listing, SumPlanes},
+    environment::{EnvironmentLight, params::PlacedParams},
     error::{Error, check_setting},
     geometry::Material,
     gpu::compiler::Compiler,
@@ -226,6 +227,9 @@ pub struct SplatInput<'a> {
     /// What the cloud's surfels send, for an effect with [`Effect::radiance`]: a storage buffer of
     /// [`SurfelRadiance`](crate::SurfelRadiance), 32 bytes for each surfel of the cloud's capacity.
     pub radiance: Option<&'a Buffer>,
+    /// The environment, for an effect with [`Effect::environment`]: one with
+    /// [`EnvironmentSettings::levels`](crate::EnvironmentSettings::levels).
+    pub environment: Option<EnvironmentLight<'a>>,
     /// The pixels to compute, of a sub-image that has the view's size; all of the viewport, if left out. The others' sums
     /// are 0, and tiles without listed pixels cost next to nothing.
     pub work: Option<PixelList<'a>>,
@@ -246,7 +250,7 @@ impl<'a> ClusterInput<'a> {
 }
 
 impl<'a> SplatInput<'a> {
-    /// To all pixels, without materials, radiance and timestamps.
+    /// To all pixels, without materials, radiance, environment and timestamps.
     pub fn new(frame: &'a Frame<'a>, cloud: &'a SurfelCloud, clusters: &'a SurfelClusters) -> Self {
         Self {
             frame,
@@ -254,6 +258,7 @@ impl<'a> SplatInput<'a> {
             clusters,
             materials: None,
             radiance: None,
+            environment: None,
             work: None,
             timestamps: None,
         }
@@ -495,7 +500,8 @@ impl ShellSplatter {
     /// What [`SplatSettings::validate`] and [`PixelList::validate`] find; [`Error::Mismatch`] where the frame has another origin
     /// than the cloud, the view another size than the frame or the work's sub-image, or fewer levels than the settings, and where
     /// the clusters were last recorded with other settings (but for the seed); [`Error::Recording`] where they were not recorded
-    /// from this cloud, since that was; [`Error::Buffer`] for a material table or radiance that is missing or too small.
+    /// from this cloud, since that was; [`Error::Buffer`] for a material table or radiance that is missing or too small;
+    /// [`Error::Mismatch`] where the roughness or the environment is missing that the effect asks for.
     pub fn record(
         &self,
         device: &Device,
@@ -511,6 +517,10 @@ impl ShellSplatter {
         input.clusters.check(input.cloud, settings)?;
         frame.check_origin(input.cloud.origin())?;
         let given = self.check_given(device, input.cloud, input.materials, input.radiance)?;
+        let environment = self
+            .effect
+            .environment_of("SplatInput::environment", input.environment)?;
+        let roughness = self.effect.roughness_of(frame)?;
         if let Some(work) = &input.work {
             work.check(device, viewport)?;
         }
@@ -560,7 +570,23 @@ impl ShellSplatter {
                 (parameters.add(&params), params.tiles_of_all_sub_buffers())
             })
             .collect();
+        let seen = (self.effect.view || self.effect.roughness)
+            .then(|| parameters.add(&ViewParams::new(frame, sub_image)));
+        let placed = environment.map(|light| parameters.add(&PlacedParams::of(&light)));
         let parameters = self.uniforms.upload(device, encoder, &parameters);
+        let roughness = roughness.map(|slice| slice.read());
+        let mut besides = given;
+        besides.extend(seen.map(|seen| ("view", parameters.at(seen))));
+        let texture = roughness.as_ref().map(binding::view);
+        besides.extend(texture.map(|texture| ("roughness_texture", texture)));
+        besides.extend(placed.map(|placed| ("environment", parameters.at(placed))));
+        besides.extend(
+            environment
+                .iter()
+                .flat_map(|light| light.environment.splatted()),
+        );
+        // An effect may not read all that it asks for.
+        besides.retain(|(name, _)| self.splat_layout.names().any(|own| own == *name));
         let mut groups = view.kept.groups(device);
         let mut pass = compute_pass(encoder, &label(&self.effect, "splat"), input.timestamps);
         for (level, (params, tiles)) in (0_u32..).zip(levels) {
@@ -573,11 +599,15 @@ impl ShellSplatter {
                 ("receivers", binding::view(&receivers.view)),
                 ("sums", binding::view(&view.sums)),
             ];
-            resources.extend(given.clone());
+            resources.extend(besides.clone());
             if let Some(statistics) = &view.statistics {
                 resources.push(("statistics", whole(statistics)));
             }
-            let group = groups.next(&self.splat_layout, &resources);
+            let group = if roughness.is_some() {
+                groups.unkept(&self.splat_layout, &resources)
+            } else {
+                groups.next(&self.splat_layout, &resources)
+            };
             pass.push_debug_group(&format!("level {level}"));
             dispatch(&mut pass, &self.splat, &group, tiles);
             pass.pop_debug_group();

@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::settings::{MIN_EPSILON, SplatSettings};
+use crate::{camera::CameraParams, receivers::Frame};
 
 /// Surfels of a cluster, and clusters of a group.
 pub(crate) const CLUSTER: u32 = 16;
@@ -64,6 +65,30 @@ impl SplatParams {
     /// Workgroups of the splat kernel.
     pub fn tiles_of_all_sub_buffers(&self) -> u32 {
         (self.tiles[0] * self.tiles[1]) << (2 * self.level)
+    }
+}
+
+/// `View` of the shader: where pixels are seen from, for effects that ask.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct ViewParams {
+    pub(crate) camera: CameraParams,
+    pub(crate) sub_image: u32,
+    pub(crate) padding: [u32; 3],
+}
+
+crate::reflection::same_as_wgsl!(
+    views_are_the_shaders: ViewParams as "View" in ["shell_splatter build", "shell_splatter splat"]
+    { camera, sub_image }
+);
+
+impl ViewParams {
+    pub fn new(frame: &Frame<'_>, sub_image: u32) -> Self {
+        Self {
+            camera: frame.camera.params(frame.origin),
+            sub_image,
+            padding: [0; 3],
+        }
     }
 }
 

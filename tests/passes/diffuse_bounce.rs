@@ -20,7 +20,7 @@ use support::{
 };
 
 /// Different for each surfel: a third are black, and another third's backs alone send anything.
-fn radiances(count: u32) -> Vec<SurfelRadiance> {
+pub(super) fn radiances(count: u32) -> Vec<SurfelRadiance> {
     let color = |i: u32| [17, 29, 43].map(|k| (i * k % 64) as f32 / 32.0);
     let of = |i: u32| SurfelRadiance {
         front: if i.is_multiple_of(3) {
@@ -165,7 +165,7 @@ fn extremes_are_finite() {
 }
 
 /// A floor, and a wall across it that glows: nothing hides behind anything else, so that sums are right.
-fn floor_and_wall() -> Scene {
+pub(super) fn floor_and_wall() -> Scene {
     let quad = |[a, b, c, d]: [[f32; 3]; 4]| [a, b, c, a, c, d];
     let floor = [
         [-2.0, 0.0, 2.0],

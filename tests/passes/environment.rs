@@ -33,7 +33,10 @@ fn builder() -> &'static EnvironmentBuilder {
 /// An environment on the GPU of what `source` shows.
 fn built(size: [u32; 2], source: EnvironmentSource<'_>) -> Environment {
     let gpu = lab().gpu;
-    let settings = EnvironmentSettings { size };
+    let settings = EnvironmentSettings {
+        size,
+        ..EnvironmentSettings::default()
+    };
     let environment = builder().create(&gpu.device, &settings).expect("room");
     let mut encoder = gpu.encoder();
     let input = EnvironmentInput::new(source);
@@ -668,12 +671,21 @@ fn what_does_not_fit_is_a_typed_error() {
     ] {
         setting(
             builder()
-                .create(device, &EnvironmentSettings { size })
+                .create(
+                    device,
+                    &EnvironmentSettings {
+                        size,
+                        ..EnvironmentSettings::default()
+                    },
+                )
                 .map(|_| ()),
             name,
         );
     }
-    let settings = EnvironmentSettings { size: [16, 8] };
+    let settings = EnvironmentSettings {
+        size: [16, 8],
+        ..EnvironmentSettings::default()
+    };
     let environment = builder().create(device, &settings).expect("room");
     let lobe = SphericalGaussian {
         axis: DVec3::Y.as_vec3(),

@@ -4,10 +4,7 @@ use deep_screen_space::{
     AmbientOcclusion, DiffuseBounce, Effect, Error, Reconstructor, ReconstructorInput,
     ReconstructorSettings, SurfelRadiance, TextureSlice,
     glam::DVec3,
-    reference::{
-        effects::{Both, Joined},
-        reconstructor::Reconstruction,
-    },
+    reference::effects::{Both, Joined},
     scenes, shaders,
     wgpu::{TextureFormat as Format, TextureUsages},
 };
@@ -19,7 +16,7 @@ use support::{
         pipelines,
         refusals::refused,
         shot::{Shot, camera_of},
-        splats::{Options, Passes, Run, run, splat_settings},
+        splats::{Options, Passes, run, splat_settings},
     },
 };
 
@@ -64,36 +61,6 @@ fn albedo(shot: &Shot) -> Vec<DVec3> {
         .collect()
 }
 
-/// All outputs of an effect, of its sums.
-fn pictures(gpu: &Gpu, shot: &Shot, effect: &Effect, run: &Run) -> Vec<Vec<[f32; 4]>> {
-    let device = &gpu.device;
-    let reconstructor = pipelines::reconstructor(effect, Format::Rgba32Float);
-    let scratch = reconstructor.create_view(device, &run.view);
-    let scratch = scratch.expect("a view");
-    let [width, height] = run.view.size();
-    let targets: Vec<_> = (effect.outputs.iter())
-        .map(|_| gpu.target(Format::Rgba32Float, width, height))
-        .collect();
-    let slices: Vec<TextureSlice<'_>> = targets.iter().map(|t| t.texture().into()).collect();
-    let mut encoder = gpu.encoder();
-    let mut decoded = Decoded::of(&shot.camera);
-    let gbuffer = shot.lit_gbuffer();
-    let frame = decoded.frame(&mut encoder, gbuffer, &shot.camera, run.origin);
-    let input = ReconstructorInput {
-        further: &slices[1..],
-        ..ReconstructorInput::new(&frame, &run.view, slices[0])
-    };
-    let settings = ReconstructorSettings::default();
-    reconstructor
-        .record(device, &mut encoder, &input, &settings, &scratch)
-        .expect("pictures");
-    gpu.finish(encoder);
-    targets
-        .iter()
-        .map(|t| gpu.read_texture(t.texture(), 0))
-        .collect()
-}
-
 /// How far apart two pictures are at most, relative to 1 + their values.
 fn apart(a: &[[f32; 4]], b: &[[f32; 4]]) -> f32 {
     let pairs = a.iter().flatten().zip(b.iter().flatten());
@@ -119,22 +86,9 @@ fn joined_effects_are_both() {
     found.compare(gpu, (&mirror, &options), channels, "both");
 
     // The totals that the outputs are of.
-    let sums: Vec<_> = (0..3)
-        .map(|level| {
-            let channels = found.channels(gpu, level, 4);
-            let at = |c: usize, i: usize| f64::from(channels[c][i]);
-            let sum = |i| Both(at(0, i), DVec3::new(at(1, i), at(2, i), at(3, i)));
-            (0..channels[0].len()).map(sum).collect()
-        })
-        .collect();
-    let totals = Reconstruction {
-        camera: &shot.camera,
-        origin: found.origin,
-        receivers: &found.receivers(gpu),
-        settings: &ReconstructorSettings::default(),
-    }
-    .reconstruct(&sums);
-    let pictures = pictures(gpu, &shot, &both, &found);
+    let both_of = |sum: &[f64]| Both(sum[0], DVec3::new(sum[1], sum[2], sum[3]));
+    let totals = found.totals(gpu, (&shot, &options), 4, both_of);
+    let pictures = found.pictures(gpu, &shot, &both, &options);
     let albedo = albedo(&shot);
     for (i, Both(open, sent)) in totals.into_iter().enumerate() {
         let open = occlusion.visibility(open);
@@ -170,14 +124,14 @@ fn outputs_are_those_of_each_alone() {
     let options = options(1);
     let alone = [&occlusion, &light].map(|effect| {
         let run = run(gpu, &shot, &Passes::new(effect, false), &options);
-        pictures(gpu, &shot, effect, &run).remove(0)
+        run.pictures(gpu, &shot, effect, &options).remove(0)
     });
     // Twice the same with itself, too.
     let both = occlusion.and(&light).expect("four channels");
     let all = light.and(&both).expect("seven channels");
     for (effect, order) in [(&both, &[0, 1][..]), (&all, &[1, 0, 1])] {
         let run = run(gpu, &shot, &Passes::new(effect, false), &options);
-        let pictures = pictures(gpu, &shot, effect, &run);
+        let pictures = run.pictures(gpu, &shot, effect, &options);
         assert_eq!(pictures.len(), order.len());
         for (picture, &which) in pictures.iter().zip(order) {
             // The order of sums is the same; products and sums may be fused otherwise.
@@ -245,7 +199,7 @@ fn high(sum: Sum, albedo: vec3f) -> vec4f {{ return vec4f({high}); }}
                 }
             }
         }
-        let [low, high] = &pictures(gpu, &shot, &effect, &run)[..] else {
+        let [low, high] = &run.pictures(gpu, &shot, &effect, &options)[..] else {
             panic!("two outputs");
         };
         for (low, high) in low.iter().zip(high) {

@@ -8,8 +8,8 @@ use std::{
 };
 
 use deep_screen_space::{
-    AmbientOcclusion, DiffuseBounce, Effect, Error, Overlap, Scattering, Shader,
-    SubsurfaceScattering, shaders, wgpu::Features,
+    AmbientOcclusion, BentNormals, DiffuseBounce, DirectionalOcclusion, Effect, Error, Overlap,
+    Scattering, Shader, SpecularBounce, SubsurfaceScattering, shaders, wgpu::Features,
 };
 use naga::valid::{Capabilities, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator};
 
@@ -48,6 +48,17 @@ fn all_channels() -> Effect {
     joined.expect("eight channels")
 }
 
+/// Two of whom one asks for an environment, the other for view and roughness.
+fn under_sky_and_glossy() -> Effect {
+    let glossy = SpecularBounce {
+        two_sided: true,
+        ..SpecularBounce::default()
+    };
+    let glossy = glossy.effect().expect("a unit");
+    let sky = DirectionalOcclusion::default().effect();
+    sky.and(&glossy).expect("six channels")
+}
+
 /// Those that do not follow the effect stand once.
 fn variants() -> Vec<Shader> {
     let mut all: Vec<Shader> = Vec::new();
@@ -65,6 +76,10 @@ fn variants() -> Vec<Shader> {
             .effect()
             .expect("a material"),
         all_channels(),
+        BentNormals::default().effect(),
+        DirectionalOcclusion::default().effect(),
+        SpecularBounce::default().effect().expect("a unit"),
+        under_sky_and_glossy(),
     ] {
         for shader in shaders(&effect).expect("well-formed directives") {
             if !sources.insert(shader.source.clone()) {

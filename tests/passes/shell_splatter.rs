@@ -489,11 +489,12 @@ impl effects::Effect for Emission {
     fn contribution(
         &self,
         sender: &Sender,
-        normal: DVec3,
+        receiver: &effects::Receiver,
         to_sender: DVec3,
         distance2: f64,
     ) -> Light {
-        let sides = normal.dot(to_sender).max(0.0) * (-sender.normal.dot(to_sender)).max(0.0);
+        let sides =
+            receiver.normal.dot(to_sender).max(0.0) * (-sender.normal.dot(to_sender)).max(0.0);
         let r2 = sender.radius * sender.radius;
         Light(2.0 * sides * r2 / (distance2.max(1e-20) * (distance2 + r2)) * sender.emission)
     }

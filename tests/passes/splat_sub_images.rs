@@ -2,8 +2,8 @@
 //! blends of them is near it.
 
 use deep_screen_space::{
-    AmbientOcclusion, Camera, Channels, CloudCapacity, ClusterInput, Effect, Error, Geometry,
-    MultiResMaskSettings, MultiResReconstructor, MultiResReconstructorInput,
+    AmbientOcclusion, Camera, Channels, CloudCapacity, ClusterInput, Effect, Error, GBuffer,
+    Geometry, MultiResMaskSettings, MultiResReconstructor, MultiResReconstructorInput,
     MultiResReconstructorSettings, PixelList, Reconstructor, ReconstructorInput,
     ReconstructorSettings, ShellSplatter, SplatInput, SplatSettings, SurfelCloud, SurfelClusters,
     SurfelizerInput, SurfelizerSettings, Viewport, scenes,
@@ -25,6 +25,8 @@ struct Splats<'a> {
     reconstructor: &'static Reconstructor,
     cloud: SurfelCloud,
     clusters: SurfelClusters,
+    /// Another one at each texel.
+    roughness: TextureView,
 }
 
 impl<'a> Splats<'a> {
@@ -62,7 +64,12 @@ impl<'a> Splats<'a> {
             .record_clusters(device, &mut encoder, &input, &settings, &mut clusters)
             .expect("clusters");
         gpu.finish(encoder);
+        let viewport = shot.camera.viewport();
+        let [right, bottom] = [viewport.x + viewport.width, viewport.y + viewport.height];
+        let texels = (0..right * bottom).map(|i| (i * 37 % 101) as f32 / 100.0);
+        let texels: Vec<f32> = texels.collect();
         Self {
+            roughness: gpu.texture(Format::R32Float, right, bottom, &texels),
             gpu,
             shot,
             settings,
@@ -94,7 +101,10 @@ impl<'a> Splats<'a> {
         let levels = self.settings.levels;
         let sums = self.splatter.create_view(device, width, height, levels)?;
         let scratch = self.reconstructor.create_view(device, &sums)?;
-        let gbuffer = self.shot.lit_gbuffer();
+        let gbuffer = GBuffer {
+            roughness: Some(self.roughness.texture().into()),
+            ..self.shot.lit_gbuffer()
+        };
         let mut decoded = Decoded::of(self.camera());
         let frame = decoded.record(encoder, gbuffer, self.camera(), self.cloud.origin())?;
         let input = SplatInput {
@@ -126,16 +136,26 @@ impl<'a> Splats<'a> {
     }
 }
 
-/// Occlusion times the red of the albedo: nothing where there is no surface.
+/// Occlusion times the red of the albedo, the roughness and something of the view: nothing where there is no surface.
 fn tinted() -> Effect {
     let mut effect = AmbientOcclusion::default().effect();
     let start = effect.source.find("fn resolve").expect("the last function");
-    effect.source = (effect.source[..start].to_owned()
-        + "fn resolve(sum: f32, albedo: vec3f) -> vec4f { 
-  return vec4f(select(0.0, sum * albedo.x, sum > 0.0));
+    let source = effect.source[..start].replace("fn contribution", "fn factor");
+    effect.source = (source
+        + "fn contribution(
+  sender: Sender, receiver_normal: vec3f, to_sender: vec3f, distance2: f32, receiver: Receiver,
+) -> f32 {
+  let factor = factor(sender, receiver_normal, to_sender, distance2);
+  return factor * receiver.roughness * (1.5 + receiver.to_eye.x);
+}
+fn resolve(sum: f32, albedo: vec3f, receiver: Receiver) -> vec4f {
+  let shown = sum * albedo.x * (0.2 + receiver.roughness) * (1.5 - receiver.to_eye.x);
+  return vec4f(select(0.0, shown, sum > 0.0));
 }\n")
         .into();
     effect.albedo = true;
+    effect.view = true;
+    effect.roughness = true;
     effect.label = "tinted".into();
     effect
 }

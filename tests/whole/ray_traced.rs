@@ -360,7 +360,10 @@ fn skies_and_bent_normals() {
     let meshes = shot.buffers.meshes();
     let target = gpu.target(Format::Rgba32Float, size[0], size[1]);
     let builder = EnvironmentBuilder::new(device).expect("pipelines");
-    let settings = EnvironmentSettings { size: [32, 16] };
+    let settings = EnvironmentSettings {
+        size: [32, 16],
+        ..EnvironmentSettings::default()
+    };
     let environment = builder.create(device, &settings).expect("room");
     let light = EnvironmentLight::new(&environment);
     let descriptor = |effect, quality| RayTracedViewDescriptor {

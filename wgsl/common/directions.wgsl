@@ -8,6 +8,9 @@
 // directions of 2^k frames in a row from a multiple of 2^k are stratified 2^k times as finely as those of one frame. Rays of
 // one cell and of neighbouring pixels stay near each other.
 
+#import math
+#import hashing
+
 const SAMPLE_COSINE: u32 = 0u;
 const SAMPLE_UNIFORM: u32 = 1u;
 

@@ -3,19 +3,9 @@
 //
 // Rows go from +Y down to -Y; in the middle of each lies +X, and +Z a quarter of the row to the right of it.
 
-#import math
+#import environment_cells
 
 #needs environment environment_radiance environment_distribution
-
-struct Environment {
-  // Columns: its axes in the world.
-  to_world: mat3x3f,
-  // In cells.
-  size: vec2u,
-  // The grid of those of a pixel's directions that are drawn by the cosine; the others are drawn by the environment.
-  columns: u32,
-  rows: u32,
-}
 
 // A direction that is drawn by the environment, and what comes from there.
 struct EnvironmentSample {
@@ -24,14 +14,6 @@ struct EnvironmentSample {
   radiance: vec3f,
   // Density over solid angle with which it is drawn.
   pdf: f32,
-}
-
-// The cell that a unit vector of the environment's own axes lies in.
-fn environment_cell(d: vec3f) -> vec2u {
-  let size = vec2f(environment.size);
-  let u = atan2(d.z, d.x) / (2.0 * PI) + 0.5;
-  let v = atan2(length(d.xz), d.y) / PI;
-  return min(vec2u(max(vec2f(u, v) * size, vec2f(0.0))), environment.size - 1u);
 }
 
 // Of a row its share of all, and where it begins; in the last row of the texture each row's end.
@@ -65,7 +47,7 @@ fn cell_pdf(cell: vec2u, row: vec2f, column: vec2f) -> f32 {
 
 // What comes from a direction of the world, a unit vector, and the density with which it is drawn.
 fn environment_at(direction: vec3f) -> EnvironmentSample {
-  let cell = environment_cell(direction * environment.to_world);
+  let cell = environment_cell(direction * environment.to_world, environment.size);
   let pdf = cell_pdf(cell, row_range(cell.y), cell_range(cell));
   return EnvironmentSample(direction, textureLoad(environment_radiance, cell, 0).xyz, pdf);
 }

@@ -4,6 +4,7 @@
 
 #import math
 #import directions
+#import roughness
 
 // Below this the density's error shows: half vectors are known to some 3e-7, and D changes by 2 / alpha times that.
 const MIN_ALPHA: f32 = 1e-3;
@@ -27,12 +28,6 @@ struct Lobe {
 struct GlossyDirection {
   light: vec3f,
   facet: vec3f,
-}
-
-// Clamped to 0...1; NaN counts as 1. Compares bits, as is_finite does.
-fn clean_roughness(roughness: f32) -> f32 {
-  let is_nan = (bitcast<u32>(roughness) & 0x7fffffffu) > 0x7f800000u;
-  return select(clamp(roughness, 0.0, 1.0), 1.0, is_nan);
 }
 
 // About a unit normal, of a perceptual roughness.

@@ -1,13 +1,15 @@
 //! Surfels of a scene splatted for an effect, and what it takes to hold the sums beside the mirror's.
 
 use deep_screen_space::{
-    CloudCapacity, ClusterInput, Effect, Geometry, Material, ShellSplatter, SplatInput,
-    SplatSettings, SplatView, Surfel, SurfelCounts, SurfelRadiance, SurfelSource, Surfelizer,
-    SurfelizerInput, SurfelizerSettings,
-    glam::DVec3,
+    CloudCapacity, ClusterInput, Effect, Environment, EnvironmentLight, Error, GBuffer, Geometry,
+    Material, ReconstructorInput, ReconstructorSettings, ShellSplatter, SplatInput, SplatSettings,
+    SplatView, Surfel, SurfelCounts, SurfelRadiance, SurfelSource, Surfelizer, SurfelizerInput,
+    SurfelizerSettings, TextureSlice,
+    glam::{DQuat, DVec3},
     reference::{
         effects::{Effect as Effects, Sender},
         packing::unpack_normal,
+        reconstructor::{Reconstruction, Sum},
         shell_splatter::{Disk, Receiver, splat},
     },
     wgpu,
@@ -37,6 +39,10 @@ pub struct Options {
     pub materials: Option<Vec<Material>>,
     /// As many as the cloud has room for.
     pub radiance: Option<Vec<SurfelRadiance>>,
+    /// Of each pixel.
+    pub roughness: Option<wgpu::TextureView>,
+    /// And how it is turned.
+    pub environment: Option<(Environment, DQuat)>,
 }
 
 impl Options {
@@ -54,7 +60,26 @@ impl Options {
             },
             materials: None,
             radiance: None,
+            roughness: None,
+            environment: None,
         }
+    }
+
+    /// What a shot shows, with the roughness.
+    fn gbuffer<'a>(&'a self, shot: &'a Shot) -> GBuffer<'a> {
+        GBuffer {
+            roughness: self.roughness.as_ref().map(|view| view.texture().into()),
+            ..shot.lit_gbuffer()
+        }
+    }
+
+    fn light(&self) -> Option<EnvironmentLight<'_>> {
+        let (environment, rotation) = self.environment.as_ref()?;
+        let rotation = *rotation;
+        Some(EnvironmentLight {
+            environment,
+            rotation,
+        })
     }
 }
 
@@ -74,6 +99,11 @@ impl Passes {
 }
 
 pub fn run(gpu: &Gpu, shot: &Shot, passes: &Passes, options: &Options) -> Run {
+    try_run(gpu, shot, passes, options).expect("sums")
+}
+
+/// The same where the splatter may refuse it.
+pub fn try_run(gpu: &Gpu, shot: &Shot, passes: &Passes, options: &Options) -> Result<Run, Error> {
     let device = &gpu.device;
     let Passes {
         surfelizer,
@@ -127,31 +157,31 @@ pub fn run(gpu: &Gpu, shot: &Shot, passes: &Passes, options: &Options) -> Run {
         )
         .expect("clusters");
     let mut decoded = Decoded::of(&shot.camera);
-    let frame = decoded.frame(&mut encoder, shot.gbuffer(), &shot.camera, cloud.origin());
-    splatter
-        .record(
-            device,
-            &mut encoder,
-            &SplatInput {
-                materials: materials.as_ref(),
-                radiance: radiance.as_ref(),
-                ..SplatInput::new(&frame, &cloud, &clusters)
-            },
-            &options.splat,
-            &view,
-        )
-        .expect("sums");
+    let gbuffer = options.gbuffer(shot);
+    let frame = decoded.frame(&mut encoder, gbuffer, &shot.camera, cloud.origin());
+    splatter.record(
+        device,
+        &mut encoder,
+        &SplatInput {
+            materials: materials.as_ref(),
+            radiance: radiance.as_ref(),
+            environment: options.light(),
+            ..SplatInput::new(&frame, &cloud, &clusters)
+        },
+        &options.splat,
+        &view,
+    )?;
     gpu.finish(encoder);
     let counts: SurfelCounts = gpu.read_buffer(cloud.counters())[0];
     let stored = counts.stored as usize;
-    Run {
+    Ok(Run {
         decoded,
         view,
         counts,
         surfels: gpu.read_buffer(cloud.surfels())[..stored].to_vec(),
         sources: gpu.read_buffer(cloud.sources())[..stored].to_vec(),
         origin: cloud.origin(),
-    }
+    })
 }
 
 impl Run {
@@ -198,6 +228,74 @@ impl Run {
     }
 }
 
+impl Run {
+    /// All outputs of an effect, of its sums.
+    pub fn pictures(
+        &self,
+        gpu: &Gpu,
+        shot: &Shot,
+        effect: &Effect,
+        options: &Options,
+    ) -> Vec<Vec<[f32; 4]>> {
+        const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
+        let device = &gpu.device;
+        let reconstructor = pipelines::reconstructor(effect, FORMAT);
+        let scratch = reconstructor.create_view(device, &self.view);
+        let scratch = scratch.expect("a view");
+        let viewport = shot.camera.viewport();
+        let [right, bottom] = [viewport.x + viewport.width, viewport.y + viewport.height];
+        let targets: Vec<_> = (effect.outputs.iter())
+            .map(|_| gpu.target(FORMAT, right, bottom))
+            .collect();
+        let slices: Vec<TextureSlice<'_>> = targets.iter().map(|t| t.texture().into()).collect();
+        let mut encoder = gpu.encoder();
+        let mut decoded = Decoded::of(&shot.camera);
+        let gbuffer = options.gbuffer(shot);
+        let frame = decoded.frame(&mut encoder, gbuffer, &shot.camera, self.origin);
+        let input = ReconstructorInput {
+            further: &slices[1..],
+            environment: options.light(),
+            ..ReconstructorInput::new(&frame, &self.view, slices[0])
+        };
+        let settings = ReconstructorSettings::default();
+        reconstructor
+            .record(device, &mut encoder, &input, &settings, &scratch)
+            .expect("pictures");
+        gpu.finish(encoder);
+        let within = |all: Vec<[f32; 4]>| {
+            let rows = all.chunks_exact(right as usize).skip(viewport.y as usize);
+            let rows = rows.map(|row| &row[viewport.x as usize..]);
+            rows.flatten().copied().collect()
+        };
+        let pictures = targets.iter().map(|t| gpu.read_texture(t.texture(), 0));
+        pictures.map(within).collect()
+    }
+
+    /// What all levels come to, of sums that `of` makes of their channels.
+    pub fn totals<S: Sum>(
+        &self,
+        gpu: &Gpu,
+        (shot, options): (&Shot, &Options),
+        channels: usize,
+        of: impl Fn(&[f64]) -> S,
+    ) -> Vec<S> {
+        let sums: Vec<Vec<S>> = (0..options.splat.levels)
+            .map(|level| {
+                let found = self.channels(gpu, level, channels);
+                let at = |i: usize| -> Vec<f64> { found.iter().map(|c| c[i].into()).collect() };
+                (0..found[0].len()).map(|i| of(&at(i))).collect()
+            })
+            .collect();
+        Reconstruction {
+            camera: &shot.camera,
+            origin: self.origin,
+            receivers: &self.receivers(gpu),
+            settings: &ReconstructorSettings::default(),
+        }
+        .reconstruct(&sums)
+    }
+}
+
 /// The usual ones otherwise.
 pub fn splat_settings(levels: u32, epsilon: f32) -> SplatSettings {
     SplatSettings {
@@ -214,6 +312,27 @@ pub const TOLERANCE: f64 = 1e-4;
 /// How many pixels may exceed it, and then by no more than the pairs come to that lie on the bound of a shell: rounding decides
 /// which level sees those.
 pub const EXCEPTIONS: f64 = 1e-2;
+
+/// How far sums may be off the mirror's.
+#[derive(Clone, Copy, Debug)]
+pub struct Tolerance {
+    /// Relative to 1 and the sum.
+    pub rounding: f64,
+    /// What those may be off besides that are further.
+    pub most: f64,
+    /// The share of the pixels that those may be.
+    pub exceptions: f64,
+}
+
+impl Default for Tolerance {
+    fn default() -> Self {
+        Self {
+            rounding: TOLERANCE,
+            most: 0.0,
+            exceptions: EXCEPTIONS,
+        }
+    }
+}
 
 impl Run {
     /// A level's sums, channel by channel.
@@ -243,6 +362,19 @@ impl Run {
         channels: impl Fn(E::Sum) -> Vec<f64>,
         name: &str,
     ) {
+        let tolerance = Tolerance::default();
+        self.compare_within(gpu, (effect, options), channels, (name, tolerance));
+    }
+
+    /// The same with a tolerance of one's own.
+    #[track_caller]
+    pub fn compare_within<E: Effects>(
+        &self,
+        gpu: &Gpu,
+        (effect, options): (&E, &Options),
+        channels: impl Fn(E::Sum) -> Vec<f64>,
+        (name, tolerance): (&str, Tolerance),
+    ) {
         let disks = self.disks_of(options);
         let receivers = self.receivers(gpu);
         let size = self.view.size();
@@ -255,13 +387,19 @@ impl Run {
             let found = self.channels(gpu, level, count);
             for (i, sum) in mirror.iter().enumerate() {
                 let at_a_bound = channels(sum.at_a_bound);
+                // Of terms that may cancel each is as large as the largest channel's.
+                let largest = at_a_bound
+                    .iter()
+                    .fold(0.0, |most, v: &f64| v.abs().max(most));
+                let is_signed = at_a_bound.iter().any(|v| *v < 0.0);
                 let expected = channels(sum.value);
                 let mut worst = 0.0_f64;
                 for (c, expected) in expected.iter().enumerate() {
                     let error = (f64::from(found[c][i]) - expected).abs();
-                    let rounding = TOLERANCE * (1.0 + expected.abs());
+                    let rounding = tolerance.rounding * (1.0 + expected.abs());
+                    let moved = if is_signed { largest } else { at_a_bound[c] };
                     assert!(
-                        error <= rounding + 1.01 * at_a_bound[c].abs(),
+                        error <= rounding + tolerance.most + 1.01 * moved,
                         "{name}: level {level}, pixel {i}, channel {c}: GPU {}, mirror {expected}, {} at a bound",
                         found[c][i],
                         at_a_bound[c]
@@ -272,12 +410,14 @@ impl Run {
             }
         }
         println!(
-            "{name}: {beyond} of {} pixels beyond {TOLERANCE}",
-            receivers.len()
+            "{name}: {beyond} of {} pixels beyond {}",
+            receivers.len(),
+            tolerance.rounding
         );
         assert!(
-            beyond as f64 <= EXCEPTIONS * receivers.len() as f64,
-            "{name}: {beyond} pixels are off by more than {TOLERANCE}"
+            beyond as f64 <= tolerance.exceptions * receivers.len() as f64,
+            "{name}: {beyond} pixels are off by more than {}",
+            tolerance.rounding
         );
     }
 }

@@ -124,7 +124,7 @@ impl Tracer {
     }
 
     /// L: what the first surface along a ray sends back along it.
-    fn radiance_along(
+    pub(super) fn radiance_along(
         &self,
         origin: DVec3,
         direction: DVec3,

@@ -96,9 +96,12 @@ fn settings(case: &mut Case<'_>) -> BouncedSettings {
 }
 
 /// A sky of spherical harmonics, which are below 0 in places.
-fn sky(case: &mut Case<'_>) -> Option<Environment> {
+pub fn sky(case: &mut Case<'_>, levels: bool) -> Option<Environment> {
     let builder = case.once("environment", |device| EnvironmentBuilder::new(device))?;
-    let settings = EnvironmentSettings { size: [32, 16] };
+    let settings = EnvironmentSettings {
+        size: [32, 16],
+        levels,
+    };
     let environment = case.accept(builder.create(case.device(), &settings))?;
     let harmonics: [[f32; 3]; 9] =
         std::array::from_fn(|_| std::array::from_fn(|_| case.random.scale(0.0, 1e18)));
@@ -189,7 +192,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let mut decoding = inputs::Decoding::new(case, viewport)?;
     let frame = decoding.frame(case, gbuffer, &camera, cloud.origin())?;
     let sky = if descriptor.environment && !case.random.breaks() {
-        Some(sky(case)?)
+        Some(sky(case, false)?)
     } else {
         None
     };

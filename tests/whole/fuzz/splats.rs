@@ -1,8 +1,9 @@
 //! Surfels splatted and reconstructed, on whole images and listed pixels.
 
 use deep_screen_space::{
-    AmbientOcclusion, ClusterInput, DiffuseBounce, Effect, Overlap, Placement, Reconstructor,
-    ReconstructorInput, ReconstructorSettings, Scattering, ShellSplatter, ShellSplatterDescriptor,
+    AmbientOcclusion, BentNormals, ClusterInput, DiffuseBounce, DirectionalOcclusion, Effect,
+    EnvironmentLight, GBuffer, Overlap, Placement, Reconstructor, ReconstructorInput,
+    ReconstructorSettings, Scattering, ShellSplatter, ShellSplatterDescriptor, SpecularBounce,
     SplatInput, SplatSettings, SubsurfaceScattering, SurfelClusters, Viewport,
     wgpu::{Buffer, Features, TextureUsages},
 };
@@ -10,6 +11,7 @@ use deep_screen_space::{
 use super::{
     case::{Case, Kind},
     inputs::{self, OwnWork},
+    rays,
     surfels::{self, Surfels},
 };
 
@@ -32,7 +34,7 @@ fn resolve(sum: vec3f, albedo: vec3f) -> vec4f {
 
 /// Effects that pipelines are made for.
 fn effect(case: &mut Case<'_>) -> Effect {
-    match case.usual("effect", &[0, 1, 2, 3, 4]) {
+    match case.usual("effect", &[0, 1, 2, 3, 4, 5]) {
         0 => Effect {
             channels: 3,
             materials: true,
@@ -48,6 +50,7 @@ fn effect(case: &mut Case<'_>) -> Effect {
         .effect(),
         2 => AmbientOcclusion::default().effect(),
         3 => below_surfaces(),
+        4 => glossy_under_sky(),
         _ => light_and_occlusion(),
     }
 }
@@ -72,6 +75,21 @@ fn light_and_occlusion() -> Effect {
     let light = bounce.effect().expect("a unit");
     let both = light.and(&AmbientOcclusion::default().effect());
     both.expect("four channels")
+}
+
+/// Of all that effects can ask for of a pixel.
+fn glossy_under_sky() -> Effect {
+    let glossy = SpecularBounce {
+        two_sided: true,
+        unit: 3.0,
+        ..SpecularBounce::default()
+    };
+    let glossy = glossy.effect().expect("a unit");
+    let sky = DirectionalOcclusion::default().effect();
+    let both = sky.and(&glossy).expect("six channels");
+    // Its four channels would be ten.
+    assert!(both.and(&BentNormals::default().effect()).is_err());
+    both
 }
 
 pub fn settings(case: &mut Case<'_>) -> SplatSettings {
@@ -120,7 +138,7 @@ pub fn splatter(case: &mut Case<'_>, effect: &Effect) -> Option<std::rc::Rc<Shel
     let variant = if case.random.breaks() {
         2
     } else {
-        case.usual("splatter", &[0, 1, 2, 3, 4])
+        case.usual("splatter", &[0, 1, 2, 3, 4, 5])
     };
     let (subgroups, statistics) = (variant == 2 && (able || case.random.breaks()), variant == 0);
     let key = (effect, subgroups, statistics);
@@ -163,6 +181,14 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         camera
     };
     let gbuffer = inputs::gbuffer(case, &camera, effect.albedo);
+    let roughness =
+        (effect.roughness && !case.random.breaks()).then(|| rays::roughness(case, viewport));
+    let sky = if effect.environment && !case.random.breaks() {
+        Some(rays::sky(case, true)?)
+    } else {
+        None
+    };
+    let environment = sky.as_ref().map(EnvironmentLight::new);
     let work = case
         .random
         .chance(0.3)
@@ -174,13 +200,18 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let sums = splatter.create_view(device, width, height, levels);
     let sums = case.accept(sums)?;
     let mut decoding = inputs::Decoding::new(case, viewport)?;
-    let frame = decoding.frame(case, gbuffer.gbuffer(), &camera, cloud.origin())?;
+    let gbuffer = GBuffer {
+        roughness: roughness.as_ref().map(inputs::Part::slice),
+        ..gbuffer.gbuffer()
+    };
+    let frame = decoding.frame(case, gbuffer, &camera, cloud.origin())?;
     let input = SplatInput {
         frame: &frame,
         cloud,
         clusters: &clusters,
         materials: Some(&materials),
         radiance: radiance.as_ref(),
+        environment,
         work,
         timestamps: case.timestamps(),
     };
@@ -215,6 +246,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         sums: &sums,
         target: slices[0],
         further: &slices[1..],
+        environment,
         timestamps: case.timestamps(),
     };
     let done = reconstructor.record(device, &mut case.encoder, &input, &settings, &scratch);
