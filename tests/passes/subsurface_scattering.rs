@@ -8,7 +8,7 @@ use deep_screen_space::{
     SurfelRadiance,
     glam::DVec3,
     reference::{
-        effects::{Effect, Sender},
+        effects::{self, Effect, Sender},
         trace::{Receiver, Tracer},
     },
     scenes::{self, Material, Scene},
@@ -149,7 +149,12 @@ fn spread(scattering: Scattering, radius: f64, distance2: f64) -> DVec3 {
         ..Sender::new(radius, DVec3::Y)
     };
     let effect = SubsurfaceScattering::new(scattering);
-    effect.contribution(&sender, DVec3::Y, DVec3::ZERO, distance2)
+    effect.contribution(
+        &sender,
+        &effects::Receiver::new(DVec3::Y),
+        DVec3::ZERO,
+        distance2,
+    )
 }
 
 /// Far from a surfel light comes out as of a point, and that of all distances is as much, whatever the surfel's size.
@@ -335,7 +340,12 @@ fn extremes_are_finite() {
                 front: DVec3::ONE,
                 ..Sender::new(radius, DVec3::Y)
             };
-            let sum = effect.contribution(&sender, DVec3::Y, DVec3::ZERO, distance2);
+            let sum = effect.contribution(
+                &sender,
+                &effects::Receiver::new(DVec3::Y),
+                DVec3::ZERO,
+                distance2,
+            );
             assert!(sum.is_finite(), "{radius}, {distance2}: {sum}");
         }
     }
@@ -522,7 +532,7 @@ fn bad_input_is_a_typed_error() {
     };
     assert!(clear.max_distance(&sender, 0.01) < 0.0);
     assert_eq!(
-        clear.contribution(&sender, DVec3::Y, DVec3::ZERO, 0.0),
+        clear.contribution(&sender, &effects::Receiver::new(DVec3::Y), DVec3::ZERO, 0.0),
         DVec3::ZERO
     );
 }

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{Effect, Sender};
+use super::{Effect, Receiver, Sender};
 use crate::SubsurfaceScattering;
 
 const STEEPEST: f64 = 0.604_599_79;
@@ -61,7 +61,7 @@ impl Effect for SubsurfaceScattering {
     fn contribution(
         &self,
         sender: &Sender,
-        _receiver_normal: DVec3,
+        _receiver: &Receiver,
         _to_sender: DVec3,
         distance2: f64,
     ) -> DVec3 {
