@@ -168,7 +168,7 @@ impl BouncedZBuffer {
             is_possible(descriptor),
             "BouncedDescriptor::primitives",
             f64::from(u8::from(descriptor.primitives != Primitives::Triangles)),
-            "triangles of a cloud, or Instances without radiance of surfels, or Disks without hits that are lit and Payload::Sky",
+            "Triangles or AlphaTested, or instances without radiance of surfels, or Disks without hits that are lit and Payload::Sky",
         )?;
         check_setting(
             is_environment_possible(descriptor),

@@ -102,5 +102,6 @@ fn masks_are_drawn_and_compared_with_their_holes() {
         assert!(off < 0.06, "{off}");
     }
     let differ = rmse(&masked, &opaque);
-    assert!(differ > 0.1, "{differ}");
+    // The same rays each time: without the hole there is none.
+    assert!(differ > 0.01, "{differ}");
 }
