@@ -566,6 +566,11 @@ fn splat(
 
   var s0 = Sum(); var s1 = Sum(); var s2 = Sum(); var s3 = Sum();
   var s4 = Sum(); var s5 = Sum(); var s6 = Sum(); var s7 = Sum();
+#if VIEW
+  // What depends on the view is long: it stands once, in a loop, where drivers would take minutes to compile eight of it.
+  var pixels = array<Pixel, PIXELS>(q0, q1, q2, q3, q4, q5, q6, q7);
+  var own_sums = array<Sum, PIXELS>();
+#endif
 #if STATISTICS
   var evaluated = 0u;
 #endif
@@ -733,6 +738,14 @@ fn splat(
 #endif
 #endif
           let radii2 = subgroupShuffle(own_radii2, giver);
+#if VIEW
+          var p = 0u;
+          loop {
+            own_sums[p] += pair(disk, sender, radii2, pixels[p]);
+            p++;
+            continuing { break if p >= PIXELS; }
+          }
+#else
           s0 += pair(disk, sender, radii2, q0);
           s1 += pair(disk, sender, radii2, q1);
           s2 += pair(disk, sender, radii2, q2);
@@ -741,6 +754,7 @@ fn splat(
           s5 += pair(disk, sender, radii2, q5);
           s6 += pair(disk, sender, radii2, q6);
           s7 += pair(disk, sender, radii2, q7);
+#endif
 #if STATISTICS
           evaluated += PIXELS;
 #endif
@@ -756,6 +770,14 @@ fn splat(
           let sender = sender_of(at, disk, sources[at]);
           let radii = shell(sender);
           let radii2 = radii * radii;
+#if VIEW
+          var p = 0u;
+          loop {
+            own_sums[p] += pair(disk, sender, radii2, pixels[p]);
+            p++;
+            continuing { break if p >= PIXELS; }
+          }
+#else
           s0 += pair(disk, sender, radii2, q0);
           s1 += pair(disk, sender, radii2, q1);
           s2 += pair(disk, sender, radii2, q2);
@@ -764,6 +786,7 @@ fn splat(
           s5 += pair(disk, sender, radii2, q5);
           s6 += pair(disk, sender, radii2, q6);
           s7 += pair(disk, sender, radii2, q7);
+#endif
 #if STATISTICS
           evaluated += PIXELS;
 #endif
@@ -788,6 +811,10 @@ fn splat(
     continuing { break if group_base >= group_count; }
   }
 
+#if VIEW
+  s0 = own_sums[0]; s1 = own_sums[1]; s2 = own_sums[2]; s3 = own_sums[3];
+  s4 = own_sums[4]; s5 = own_sums[5]; s6 = own_sums[6]; s7 = own_sums[7];
+#endif
   let share = level_share();
   store_sum(q0, s0 * share); store_sum(q1, s1 * share); store_sum(q2, s2 * share); store_sum(q3, s3 * share);
   store_sum(q4, s4 * share); store_sum(q5, s5 * share); store_sum(q6, s6 * share); store_sum(q7, s7 * share);

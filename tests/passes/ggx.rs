@@ -282,8 +282,9 @@ fn evaluate(gpu: &Gpu, cases: &[Case]) -> Vec<Found> {
     let sources = [
         include_str!("../../wgsl/common/math.wgsl"),
         include_str!("../../wgsl/common/hashing.wgsl"),
-        include_str!("../../wgsl/common/directions.wgsl"),
-        // What it imports is above.
+        include_str!("../../wgsl/common/roughness.wgsl"),
+        // What they import is above.
+        &include_str!("../../wgsl/common/directions.wgsl").replace("#import", "//"),
         &include_str!("../../wgsl/common/ggx.wgsl").replace("#import", "//"),
         KERNEL,
     ];
