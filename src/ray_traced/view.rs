@@ -315,8 +315,8 @@ impl RayTracedView {
             resolver: HitResolver::new(
                 compiler,
                 &HitResolverDescriptor {
-                    bent_normals,
                     joined,
+                    bent_normals,
                     ..tracer.resolver_descriptor(resolved, false)
                 },
             )?,
