@@ -10,8 +10,8 @@
 //! `shadow.exr` and `shadow.png` (1 = lit), screen-space indirect light (`--effect ssgi`, of a white surface) to `ssgi.exr` and
 //! `ssgi.png`, and what it took to `stats.json`. `--multires` computes these three by sub-images. `--effect sg` writes
 //! `sg.exr` and `sg.png`: a bounce from a reflective shadow map, without shadows, gathered on the sparse hull of what is
-//! seen. With `--reference` the ray-traced truth comes too (for `sg` the same light gathered at every pixel), and how far
-//! off the picture is.
+//! seen. With `--reference` the ray-traced truth comes too (for `sg` the same light gathered at every pixel), how far off the
+//! picture is, and picture, truth and four times their difference side by side (`_compared.png`).
 
 mod hull;
 mod methods;
@@ -288,27 +288,47 @@ fn write(
     };
     let (width, height) = (shot.width, shot.height);
     let png = path("png");
-    if options.effect == "bent" {
+    if options.colors() {
         files::write_exr_rgb(&path("exr"), width, height, pixels)?;
-        // As normals are drawn: -1 to 1 in what the eye takes for equal steps.
-        let shown = |n: f32| (0.5 * n + 0.5).clamp(0.0, 1.0).powf(2.2);
-        let shown: Vec<[f32; 3]> = pixels.iter().map(|n| n.map(shown)).collect();
-        files::write_png_rgb(&png, width, height, &shown, 1.0)?;
-    } else if options.colors() {
-        files::write_exr_rgb(&path("exr"), width, height, pixels)?;
-        // A sky is brighter than what rooms reflect, and little of that is reflected at a surface.
-        let exposure = match options.effect.as_str() {
-            "do" => 0.5,
-            "specular" => 1.0 / f32::max(options.f0, 0.04),
-            _ => 2.0,
-        };
-        files::write_png_rgb(&png, width, height, pixels, exposure)?;
+        files::write_png_rgb(&png, width, height, &shown(options, pixels), 1.0)?;
     } else {
         let grey: Vec<f32> = pixels.iter().map(|p| p[0]).collect();
         files::write_exr(&path("exr"), width, height, &grey)?;
         files::write_png(&png, width, height, &grey)?;
     }
     Ok(png)
+}
+
+/// What a PNG shows of a picture, 0 to 1, linear.
+fn shown(options: &Options, pixels: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    let scale = match options.effect.as_str() {
+        // As normals are drawn: -1 to 1 in what the eye takes for equal steps.
+        "bent" => {
+            let shown = |n: f32| (0.5 * n + 0.5).clamp(0.0, 1.0).powf(2.2);
+            return pixels.iter().map(|n| n.map(shown)).collect();
+        }
+        // A sky is brighter than what rooms reflect, and little of that is reflected at a surface.
+        "do" => 0.5,
+        "specular" => 1.0 / f32::max(options.f0, 0.04),
+        _ if options.colors() => 2.0,
+        _ => 1.0,
+    };
+    let scaled = |pixel: &[f32; 3]| pixel.map(|v| v * scale);
+    pixels.iter().map(scaled).collect()
+}
+
+/// Pictures side by side, as a PNG.
+fn write_beside(options: &Options, shot: &Shot, pictures: &[&[[f32; 3]]]) -> Result<(), String> {
+    let path = options.out.join(format!("{}_compared.png", options.effect));
+    let width = shot.width as usize;
+    let shown: Vec<_> = pictures.iter().map(|p| shown(options, p)).collect();
+    let rows = 0..shot.height as usize;
+    let pixels: Vec<[f32; 3]> = rows
+        .flat_map(|y| shown.iter().flat_map(move |p| &p[y * width..][..width]))
+        .copied()
+        .collect();
+    let wide = shot.width * pictures.len() as u32;
+    files::write_png_rgb(&path, wide, shot.height, &pixels, 1.0)
 }
 
 /// By how much bent normals are turned off the traced ones.
@@ -437,6 +457,7 @@ fn compare(
     }
     write(options, shot, &image, "_reference")?;
     write(options, shot, &difference, "_difference_x4")?;
+    write_beside(options, shot, &[pixels, &image, &difference])?;
     let n = f64::from(count.max(1));
     Ok(Off {
         rays,
