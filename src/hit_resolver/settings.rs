@@ -14,7 +14,8 @@ pub struct HitResolverSettings {
     pub spread: f32,
     /// How far away a neighbour counts 1/e, in mean distances of hits (harmonic means of both pixels' surroundings, of which
     /// the smaller counts; what is not hit is infinitely far), above 0; infinity for no such test. What two points see differs
-    /// by how far they are apart in this measure. Smaller keeps contacts sharper, and leaves more noise there. Default 0.8.
+    /// by how far they are apart in this measure. Smaller keeps contacts sharper, and leaves more noise there. For glossy
+    /// receivers it is multiplied by the roughness: narrow lobes show finer detail of the same hits. Default 0.8.
     pub hit_distances: f32,
     /// How far slopes are mistrusted, 0.01 to infinity: the picture is the value at the pixel of a plane fitted to the window,
     /// over coordinates of which one is as long as `spread`, or the window where that is narrower, and this is added to their
