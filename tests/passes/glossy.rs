@@ -14,7 +14,9 @@ use deep_screen_space::{
         gbuffer::Pixel,
         ggx::Lobe,
         hashing::{hash, hash2, unit_float},
+        hit_resolver::HitResolution,
         packing::{pack_normal, unpack_normal},
+        shell_splatter::Receiver,
     },
     scenes::{Material, Part, Scene},
     wgpu::{self, BufferUsages, TextureFormat, TextureView},
@@ -95,7 +97,21 @@ struct Job {
     rays_per_pixel: u32,
     frame: u32,
     radius: u32,
+    hit_distances: f32,
     deferred: bool,
+}
+
+impl Job {
+    fn filter(&self) -> HitResolverSettings {
+        HitResolverSettings {
+            radius: self.radius,
+            spread: f32::INFINITY,
+            hit_distances: self.hit_distances,
+            damping: f32::INFINITY,
+            f0: F0,
+            ..HitResolverSettings::default()
+        }
+    }
 }
 
 const JOB: Job = Job {
@@ -103,6 +119,7 @@ const JOB: Job = Job {
     rays_per_pixel: 16,
     frame: 0,
     radius: 0,
+    hit_distances: f32::INFINITY,
     deferred: true,
 };
 
@@ -251,15 +268,7 @@ impl Stage {
         };
         bounced.record(device, &mut encoder, &input, &traced, &view)?;
         let input = HitResolverInput::new(&frame, &view, target.texture());
-        let settings = HitResolverSettings {
-            radius: job.radius,
-            spread: f32::INFINITY,
-            hit_distances: f32::INFINITY,
-            damping: f32::INFINITY,
-            f0: F0,
-            ..HitResolverSettings::default()
-        };
-        reconstructor.record(device, &mut encoder, &input, &settings, &scratch)?;
+        reconstructor.record(device, &mut encoder, &input, &job.filter(), &scratch)?;
         self.gpu.finish(encoder);
         Ok(view)
     }
@@ -552,12 +561,42 @@ fn the_window_is_its_mirror() {
     let job = Job {
         rays_per_pixel: 4,
         radius: 2,
+        // As large as the stage, so that hits count by some at every roughness.
+        hit_distances: 2.0,
         frame: 5,
         ..JOB
     };
     let view = stage
         .draw(&job, &camera, stage.shot.gbuffer(), Some(&texture), &target)
         .expect("a picture");
+    let surroundings: Vec<Option<Receiver>> = receivers
+        .iter()
+        .map(|at| {
+            let (position, normal, _) = at.as_ref()?;
+            Some(Receiver {
+                position: *position,
+                normal: *normal,
+            })
+        })
+        .collect();
+    let near = HitResolution {
+        camera: &camera,
+        origin: camera.eye(),
+        receivers: &surroundings,
+        traced: &BouncedSettings {
+            rays_per_pixel: job.rays_per_pixel,
+            ..BouncedSettings::default()
+        },
+        payload: Payload::Radiance,
+        sampling: Sampling::Glossy,
+        settings: &job.filter(),
+        deferred: true,
+        incoming: &[],
+        nearness: &stage.gpu.read_buffer(view.nearness()),
+        counts: None,
+        joined: None,
+    }
+    .near();
     let found: Vec<[f32; 4]> = stage.gpu.read_texture(target.texture(), 0);
     let hits = view.radiance().expect("hits of radiance").texture();
     let hits: Vec<Vec<u32>> = (0..4).map(|i| stage.gpu.read_texture(hits, i)).collect();
@@ -585,10 +624,13 @@ fn the_window_is_its_mirror() {
             let alike = normal.dot(*other_normal).max(0.0);
             let parallax = d.length() / position.length();
             let overlap = lobe.overlap(other, parallax);
+            // The narrower the lobe, the finer is what it shows of the same hits.
+            let detail = f64::from(job.hit_distances) * lobe.alpha.sqrt();
+            let hits_aside = d.length() * near[at].max(near[there]) / detail;
             let weight = if there == at {
                 1.0
             } else {
-                in_plane * in_plane * alike.powi(8) * overlap
+                in_plane * in_plane * alike.powi(8) * overlap * (-hits_aside * hits_aside).exp()
             };
             if weight <= 1e-3 {
                 continue;
