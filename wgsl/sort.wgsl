@@ -53,6 +53,12 @@ fn count_own(first: u32, end: u32, thread: u32) {
 @compute @workgroup_size(64)
 fn count_digits(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) thread: u32) {
   let block = linear_workgroup(workgroup);
+  if block * BLOCK >= length[0] {
+    if thread < DIGITS && block < params.blocks {
+      counts[thread * params.blocks + block] = 0u;
+    }
+    return;
+  }
   let first = block * BLOCK + thread * PER_THREAD;
   count_own(first, min(first + PER_THREAD, length[0]), thread);
   workgroupBarrier();
@@ -68,6 +74,9 @@ fn count_digits(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocati
 @compute @workgroup_size(64)
 fn move_keys(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) thread: u32) {
   let block = linear_workgroup(workgroup);
+  if block * BLOCK >= length[0] {
+    return;
+  }
   let first = block * BLOCK + thread * PER_THREAD;
   let end = min(first + PER_THREAD, length[0]);
   count_own(first, end, thread);

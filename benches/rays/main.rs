@@ -265,7 +265,7 @@ fn measure(
     let triangles = buffers.triangles();
     let capacity = CloudCapacity {
         surfels: 0,
-        pieces: triangles + 200_000,
+        pieces: triangles,
         triangles,
     };
     let light = Light::Directional {
