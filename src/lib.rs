@@ -2,7 +2,8 @@
 //! off screen or edge-on counts like what is seen (Nalbach, Ritschel and Seidel, *Deep Screen Space*, 2014, and *The Bounced
 //! Z-buffer for Indirect Visibility*, 2015).
 //!
-//! Most callers need two objects: a [`RayTracedScene`], and for each view and effect a [`RayTracedView`]. They are wired of
+//! Most callers need two objects: a [`RayTracedScene`], and for each view and effect a [`RayTracedView`]; what the depth buffer
+//! alone holds needs one, a [`NearFieldView`]. They are wired of
 //! passes that may be used by themselves, each of which records into the caller's encoder and owns only what it makes:
 //!
 //! * [`GBufferDecoder`]: the caller's G-buffer, decoded once per frame and view into the [`Frame`] that passes start from.
@@ -111,6 +112,7 @@ mod made;
 mod mesh_binding;
 mod multi_res_mask;
 mod multi_res_reconstructor;
+mod near_field;
 mod overrides;
 pub mod planner;
 mod ray_budget;
@@ -188,6 +190,10 @@ pub use multi_res_mask::{
 pub use multi_res_reconstructor::{
     MultiResReconstructor, MultiResReconstructorInput, SubImages,
     settings::MultiResReconstructorSettings,
+};
+pub use near_field::{
+    effect::NearFieldEffect,
+    view::{NearFieldDescriptor, NearFieldInput, NearFieldSource, NearFieldView},
 };
 pub use ray_budget::{RayBudget, RayBudgetInput, settings::RayBudgetSettings, view::RayBudgetView};
 pub use ray_traced::{

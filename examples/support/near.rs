@@ -3,9 +3,9 @@
 
 use deep_screen_space::{
     BallSamples, Camera, Channels, Error, Light, MultiResMask, MultiResMaskSettings,
-    ObscuranceInput, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume, PixelList,
-    ScreenSpaceGi, ScreenSpaceGiInput, ScreenSpaceGiSettings, ShadowMap, SoftShadows,
-    SoftShadowsInput, SoftShadowsSettings, Viewport, VolumetricObscurance,
+    NearFieldEffect, NearFieldSource, ObscuranceInput, ObscuranceSampling, ObscuranceSettings,
+    ObscuranceVolume, PixelList, ScreenSpaceGi, ScreenSpaceGiInput, ScreenSpaceGiSettings,
+    ShadowMap, SoftShadows, SoftShadowsInput, SoftShadowsSettings, Viewport, VolumetricObscurance,
     VolumetricObscuranceDescriptor,
     glam::{DMat4, DVec3},
     scenes::Scene,
@@ -310,6 +310,65 @@ impl<'g> Stage<'g> {
         let viewport = self.camera.viewport();
         [viewport.width, viewport.height]
     }
+
+    /// What an effect reads besides the G-buffer.
+    pub fn source(&self, effect: Effect) -> NearFieldSource<'_> {
+        match effect {
+            Effect::Obscurance => NearFieldSource::GBuffer,
+            Effect::Shadow => {
+                NearFieldSource::Light(&self.light, ShadowMap::new(&self.map, &self.cameras))
+            }
+            Effect::Indirect => NearFieldSource::Lit(self.lit.texture().into()),
+        }
+    }
+
+    /// An effect as a view takes it, with as many samples as `record` takes.
+    pub fn effect(&self, effect: Effect, samples: u32) -> Option<NearFieldEffect> {
+        Some(match effect {
+            Effect::Obscurance => NearFieldEffect::Obscurance {
+                descriptor: of_points(points(samples)?),
+                settings: self.obscurance(),
+            },
+            Effect::Shadow => NearFieldEffect::SoftShadows(self.shadows(samples)),
+            Effect::Indirect => NearFieldEffect::ScreenSpaceGi(self.indirect(samples)),
+        })
+    }
+
+    fn obscurance(&self) -> ObscuranceSettings {
+        ObscuranceSettings {
+            radius: self.obscurance_radius,
+            turn: false,
+            ..Default::default()
+        }
+    }
+
+    fn shadows(&self, samples: u32) -> SoftShadowsSettings {
+        SoftShadowsSettings {
+            extent: match self.light {
+                // Ten times as wide as the sun.
+                Light::Directional { .. } => 0.05,
+                _ => 0.1 * self.reach,
+            },
+            max_penumbra: 0.25 * self.reach,
+            samples,
+            ..Default::default()
+        }
+    }
+
+    fn indirect(&self, samples: u32) -> ScreenSpaceGiSettings {
+        ScreenSpaceGiSettings {
+            radius: self.reach,
+            samples,
+            turn: false,
+        }
+    }
+}
+
+fn of_points(table: BallSamples) -> VolumetricObscuranceDescriptor {
+    VolumetricObscuranceDescriptor {
+        sampling: ObscuranceSampling::Points(table),
+        volume: ObscuranceVolume::Hemisphere,
+    }
 }
 
 /// Six faces about a point.
@@ -356,11 +415,8 @@ impl Passes {
             obscurance: BallSamples::ALL
                 .into_iter()
                 .map(|table| {
-                    let descriptor = VolumetricObscuranceDescriptor {
-                        sampling: ObscuranceSampling::Points(table),
-                        volume: ObscuranceVolume::Hemisphere,
-                    };
-                    Ok((table, VolumetricObscurance::new(device, &descriptor)?))
+                    let pass = VolumetricObscurance::new(device, &of_points(table))?;
+                    Ok((table, pass))
                 })
                 .collect::<Result<_, Error>>()?,
             shadows: SoftShadows::new(device)?,
@@ -398,24 +454,10 @@ impl Passes {
                     target: target.into(),
                     timestamps: None,
                 };
-                let settings = ObscuranceSettings {
-                    radius: stage.obscurance_radius,
-                    turn: false,
-                    ..Default::default()
-                };
-                pass.record(device, encoder, &input, &settings)
+                pass.record(device, encoder, &input, &stage.obscurance())
             }
             Effect::Shadow => {
-                let settings = SoftShadowsSettings {
-                    extent: match stage.light {
-                        // Ten times as wide as the sun.
-                        Light::Directional { .. } => 0.05,
-                        _ => 0.1 * stage.reach,
-                    },
-                    max_penumbra: 0.25 * stage.reach,
-                    samples,
-                    ..Default::default()
-                };
+                let settings = stage.shadows(samples);
                 self.record_shadows(stage, encoder, &settings, work, target)
             }
             Effect::Indirect => self.indirect.record(
@@ -429,11 +471,7 @@ impl Passes {
                     target: target.into(),
                     timestamps: None,
                 },
-                &ScreenSpaceGiSettings {
-                    radius: stage.reach,
-                    samples,
-                    turn: false,
-                },
+                &stage.indirect(samples),
             ),
         }
     }

@@ -182,6 +182,11 @@ impl VolumetricObscurance {
         DepthMoments::new(device, [width, height])
     }
 
+    /// Whether its samples are areas.
+    pub(crate) fn reads_moments(&self) -> bool {
+        takes_areas(self.sampling)
+    }
+
     /// Records the depth's moments: once per frame, before all recordings that read them.
     ///
     /// # Errors

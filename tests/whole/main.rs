@@ -6,6 +6,7 @@ mod frames;
 mod fuzz;
 mod misuse;
 mod near_extremes;
+mod near_field;
 mod odd_cameras;
 mod ray_traced;
 mod truth;

@@ -1,0 +1,5 @@
+//! Effects of what the depth buffer holds, in one object and one recording per frame: at every pixel, or by multi-resolution
+//! masks.
+
+pub(crate) mod effect;
+pub(crate) mod view;
