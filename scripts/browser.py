@@ -20,6 +20,8 @@ CHROMIUM_FLAGS = (
     "--use-webgpu-adapter=swiftshader",  # a software driver: the verdict does not depend on the machine
     "--enable-features=Vulkan",
     "--use-vulkan=swiftshader",
+    "--use-angle=swiftshader",  # what brings a canvas's picture to the page
+    "--enable-unsafe-swiftshader",
     # Nothing leaves this machine.
     "--disable-background-networking",
     "--disable-component-update",

@@ -21,7 +21,7 @@ pub const SIZE: [u32; 2] = [96, 64];
 pub enum Effect {
     /// Ambient visibility, within the radius that suits the scene.
     Occlusion,
-    /// One diffuse bounce of the scene's own lamps, or of the sun where there are none.
+    /// One diffuse bounce of a lamp, where the scene has one, or of the sun.
     Light,
 }
 
@@ -139,18 +139,10 @@ impl Frame {
         quality: Quality,
         size: [u32; 2],
     ) -> Result<Self, String> {
-        let scene = scenes::by_name(scene).ok_or_else(|| format!("there is no scene {scene}"))?;
+        let mut scene =
+            scenes::by_name(scene).ok_or_else(|| format!("there is no scene {scene}"))?;
+        let lights = lights(&mut scene);
         let buffers = SceneBuffers::new(gpu, &scene);
-        let emits = |material: &scenes::Material| material.emission != [0.0; 3];
-        let sun = Light::Directional {
-            direction: DVec3::new(-0.4, -0.8, -0.45).normalize(),
-            irradiance: [4.0, 3.8, 3.4],
-        };
-        let lights = if scene.materials.iter().any(emits) {
-            Vec::new()
-        } else {
-            vec![sun]
-        };
         Ok(Self {
             orbit: Orbit::new(scene.views[0]),
             rasterizer: Rasterizer::new(gpu, &buffers),
@@ -196,6 +188,26 @@ impl Frame {
         let input = RayTracedInput::new(self.gbuffer.gbuffer(), &camera, target);
         self.view.record(&gpu.device, encoder, &self.traced, &input)
     }
+}
+
+/// A lamp where the scene has one that shines itself, else the sun. Few rays would meet a small lamp, so that it is a point.
+fn lights(scene: &mut Scene) -> Vec<Light> {
+    let shines = |material: &scenes::Material| material.emission != [0.0; 3];
+    let has_lamp = scene.materials.iter().any(shines);
+    for material in &mut scene.materials {
+        material.emission = [0.0; 3];
+    }
+    vec![if has_lamp {
+        Light::Point {
+            position: DVec3::new(0.0, 5.0, 0.0),
+            intensity: [100.0, 80.0, 50.0],
+        }
+    } else {
+        Light::Directional {
+            direction: DVec3::new(-0.4, -0.8, -0.45).normalize(),
+            irradiance: [4.0, 3.8, 3.4],
+        }
+    }]
 }
 
 fn view(gpu: &Gpu, effect: RayTracedEffect, quality: Quality) -> Result<RayTracedView, String> {

@@ -63,6 +63,7 @@ impl Page {
         surface.configure(
             &gpu.device,
             &wgpu::SurfaceConfiguration {
+                color_space: wgpu::SurfaceColorSpace::Auto,
                 usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
                 format,
                 width: size[0],

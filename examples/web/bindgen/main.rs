@@ -13,8 +13,14 @@ fn main() -> ExitCode {
     let mut bindgen = wasm_bindgen_cli_support::Bindgen::new();
     let written = bindgen
         .input_path(module)
+        .typescript(false)
+        // The page finds the module beside its JavaScript.
+        .omit_default_module_path(false)
+        // Neither is read in a browser.
+        .remove_name_section(true)
+        .remove_producers_section(true)
         .web(true)
-        .and_then(|bindgen| bindgen.typescript(false).generate(folder));
+        .and_then(|bindgen| bindgen.generate(folder));
     match written {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
