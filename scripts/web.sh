@@ -50,7 +50,7 @@ RUSTC
 ensure_bindgen() {
   local version folder
   version=$(awk '/^name = "wasm-bindgen"$/ { getline; gsub(/"/, "", $3); print $3 }' "$root/Cargo.lock")
-  folder=$CACHE/bindgen-$version
+  folder=$CACHE/bindgen-$version-$(cksum <"$root/examples/web/bindgen/main.rs" | cut -d ' ' -f 1)
   if [ ! -x "$folder/bin/bindgen" ]; then
     grep -q "\"=$version\"" "$root/examples/web/bindgen/Cargo.toml" ||
       fail "Cargo.lock has wasm-bindgen $version, and examples/web/bindgen/Cargo.toml another"

@@ -426,12 +426,11 @@ impl Gpu {
             .expect("the device answers");
         poll_fn(|context| {
             let mut answer = answer.lock().expect("nothing panics with it");
-            match answer.result.take() {
-                Some(result) => Poll::Ready(result),
-                None => {
-                    answer.waker = Some(context.waker().clone());
-                    Poll::Pending
-                }
+            if let Some(result) = answer.result.take() {
+                Poll::Ready(result)
+            } else {
+                answer.waker = Some(context.waker().clone());
+                Poll::Pending
             }
         })
         .await
