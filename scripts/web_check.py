@@ -17,16 +17,19 @@ import sys
 
 import browser
 
-# As the crate's test asks for them: scene and quality are its own.
-EFFECTS = ("occlusion", "light")
-
-# How far a texel's channel may be off, as a share of the picture's mean, and the share of texels that may be farther.
+# Of each effect how far a texel's channel may be off, as a share of the picture's mean, and the share of texels that may be
+# farther.
 #
-# Rays are the same wherever rounding is, and a ray that passes an edge by less than rounding meets something else: one of the 4
-# rays of a pixel moves its visibility by a quarter, one of 8 its light by that ray's, and the filter spreads either over the
-# pixels around. All other texels are as near as two half floats with a rounding between them.
-FAR = 0.02
-FARTHER = 0.02
+# Drivers round differently. A ray that passes an edge by less than that meets something else: one of the 4 rays of a pixel moves
+# its visibility by a quarter, one of 8 its light by that ray's, and the filter spreads either over the pixels around. So it is
+# along edges, and most in the corners below the lamp, where light is many times the mean. Lavapipe and SwiftShader without a
+# browser have 1.0 % and 3.0 % of such texels between them.
+EFFECTS = {"occlusion": (0.02, 0.02), "light": (0.1, 0.05)}
+
+# The browser's own driver, of which its pictures have the same bits: what is left for a browser that compiles otherwise than
+# naga, and so rounds otherwise, is a tenth of those texels.
+OWN_DRIVER = "swiftshader"
+OF_OWN_DRIVER = 0.1
 
 KINDS = {".html": "text/html; charset=utf-8", ".js": "text/javascript", ".wasm": "application/wasm"}
 
@@ -48,7 +51,7 @@ try {
     await post('/note', `${effect}: pipelines and a picture in ${((performance.now() - start) / 1e3).toFixed(1)} s`);
   }
   // The page's own frames: the first compiles, so the second is timed.
-  const page = await Page.open(document.getElementById('canvas'), 'colonnade', 'occlusion', 'fast');
+  const page = await Page.open(document.getElementById('canvas'), 'cornell', 'occlusion', 'fast');
   for (let frame = 0; frame < 2; frame++) {
     const start = performance.now();
     page.turn(0.1, 0.0);
@@ -60,7 +63,7 @@ try {
 } catch (error) {
   await post('/end', String(error));
 }
-</script>""".replace("EFFECTS", json.dumps(EFFECTS), 1)
+</script>""".replace("EFFECTS", json.dumps(list(EFFECTS)), 1)
 
 
 class Visit:
@@ -88,12 +91,12 @@ def texels(data):
     return [values[i : i + 3] for i in range(0, len(values), 4)]
 
 
-def compare(ours, other):
-    """The share of texels that are too far off, the farthest, and the mean, the last two in the same unit as the picture."""
+def compare(ours, other, near):
+    """The share of texels that are farther off than that of the mean, the farthest, and the mean, in the picture's unit."""
     mean = sum(map(sum, other)) / (3 * len(other))
     differences = [max(abs(a - b) for a, b in zip(p, q)) for p, q in zip(ours, other)]
     # What is not a number is not within any distance.
-    far = sum(not d <= FAR * mean for d in differences)
+    far = sum(not d <= near * mean for d in differences)
     return far / len(other), max(differences), mean
 
 
@@ -112,7 +115,7 @@ def main():
 
     failed = bool(trouble)
     for driver in drivers:
-        for effect in EFFECTS:
+        for effect, (near, allowed) in EFFECTS.items():
             ours = visit.pictures.get(effect, b"")
             other = (driver / f"{effect}.f16").read_bytes()
             what = f"{effect} beside {driver.name}"
@@ -120,11 +123,13 @@ def main():
                 print(f"FAILED {what}: {len(ours)} bytes from the browser, {len(other)} from the driver")
                 failed = True
                 continue
-            far, farthest, mean = compare(texels(ours), texels(other))
-            good = far <= FARTHER and mean > 0.0
+            if driver.name == OWN_DRIVER:
+                allowed *= OF_OWN_DRIVER
+            far, farthest, mean = compare(texels(ours), texels(other), near)
+            good = far <= allowed and mean > 0.0
             print(
-                f"{'ok' if good else 'FAILED':6} {what}: {far:.2%} of texels are off by more than {FAR:.0%} of the mean"
-                f" {mean:.3f}, at most {farthest:.3f}"
+                f"{'ok' if good else 'FAILED':6} {what}: {far:.2%} of texels are off by more than {near:.0%} of the mean"
+                f" {mean:.3f}, at most {farthest:.5f}"
             )
             failed = failed or not good
     for name in ("web_bg.wasm", "web.js", "index.html"):
