@@ -17,44 +17,15 @@ A shader may say what it needs in comments on its first lines:
 Prints a line per shader and closes with `N passed, N failed`. Exit 1: one failed, there was none, or the browser gave no answer.
 """
 
-import argparse
-import http.server
 import json
-import os
 import pathlib
 import re
-import shutil
-import signal
-import subprocess
 import sys
-import tempfile
-import threading
-import time
+
+import browser
 
 # What `// requires:` may name: the device feature, and the WGSL extension to enable (None: there is none).
 FEATURES = {"subgroups": "subgroups"}
-
-CHROMIUM_NAMES = ("chromium", "chromium-browser", "google-chrome")
-CHROMIUM_FLAGS = (
-    "--headless",
-    "--no-sandbox",  # the only page is ours, and the sandbox needs what a container may not allow
-    "--enable-unsafe-webgpu",
-    "--use-webgpu-adapter=swiftshader",  # a software driver: the verdict does not depend on the machine
-    "--enable-features=Vulkan",
-    "--use-vulkan=swiftshader",
-    # Nothing leaves this machine.
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-default-apps",
-    "--disable-domain-reliability",
-    "--disable-quic",
-    "--disable-sync",
-    "--no-default-browser-check",
-    "--no-first-run",
-    "--no-pings",
-    "--no-proxy-server",
-    "--disable-dev-shm-usage",
-)
 
 PAGE = r"""<!doctype html><meta charset="utf-8"><title>shader check</title><script type="module">
 const post = (path, value) => fetch(path, { method: 'POST', body: JSON.stringify(value) });
@@ -168,124 +139,41 @@ def compute_entry_points(text):
     return names
 
 
-class Check(http.server.ThreadingHTTPServer):
-    """Serves the page and the shaders on a free port of loopback, and gathers the verdicts."""
-
-    daemon_threads = True
+class Check:
+    """Answers the page, and gathers the verdicts: each shader's list of problems by name."""
 
     def __init__(self, shaders):
-        super().__init__(("127.0.0.1", 0), Handler)
         self.shaders = shaders
         self.verdicts = {}
-        self.trouble = None
-        self.ended = threading.Event()
 
-
-class Handler(http.server.BaseHTTPRequestHandler):
-    def do_GET(self):
-        if self.path == "/":
-            self.answer("text/html; charset=utf-8", PAGE)
-        elif self.path == "/shaders":
-            self.answer("application/json", json.dumps([shader.for_browser() for shader in self.server.shaders]))
-        else:
-            self.send_error(404)
-
-    def do_POST(self):
-        value = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
-        if self.path == "/verdict":
-            self.server.verdicts[value["name"]] = value["problems"]
-        elif self.path == "/note":
-            print(value, flush=True)
-        elif self.path == "/end":
-            self.server.trouble = value
-        self.answer("text/plain", "")
-        if self.path == "/end":
-            self.server.ended.set()
-
-    def answer(self, kind, body):
-        body = body.encode()
-        self.send_response(200)
-        self.send_header("Content-Type", kind)
-        self.send_header("Content-Length", str(len(body)))
-        self.end_headers()
-        self.wfile.write(body)
-
-    def log_message(self, *_):
-        pass
-
-
-def ask_browser(browser, shaders, seconds):
-    """Each shader's list of problems by name (a shader without an answer is left out), and what went wrong with the browser."""
-    server = Check(shaders)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    scratch = tempfile.mkdtemp(prefix="browser-check-")  # the profile, and whatever else the browser lays down
-    log = tempfile.TemporaryFile("w+", errors="replace")
-    page = f"http://127.0.0.1:{server.server_port}/"
-    command = [browser, *CHROMIUM_FLAGS, f"--user-data-dir={scratch}/profile", page]
-    chromium = subprocess.Popen(
-        command,
-        stdin=subprocess.DEVNULL,
-        stdout=log,
-        stderr=log,
-        env=os.environ | {"TMPDIR": scratch},
-        start_new_session=True,
-    )
-    try:
-        deadline = time.monotonic() + seconds
-        while not server.ended.wait(0.2):
-            if chromium.poll() is not None:
-                server.trouble = f"the browser ended early (status {chromium.returncode})"
-                break
-            if time.monotonic() > deadline:
-                server.trouble = f"no answer within {seconds:g} s"
-                break
-    finally:
-        stop(chromium)
-        server.shutdown()
-        server.server_close()
-        shutil.rmtree(scratch, ignore_errors=True)
-    if server.trouble:
-        log.seek(0)
-        print("".join(log.readlines()[-20:]), end="", file=sys.stderr)
-    return server.verdicts, server.trouble
-
-
-def stop(chromium):
-    """Ends the browser: itself first, so that it ends its own processes, then whatever it left."""
-    chromium.terminate()
-    try:
-        chromium.wait(10)
-    except subprocess.TimeoutExpired:
-        pass
-    try:
-        os.killpg(chromium.pid, signal.SIGKILL)
-    except ProcessLookupError:
-        pass
-    chromium.wait()
+    def __call__(self, path, body):
+        if path == "/":
+            return "text/html; charset=utf-8", PAGE.encode()
+        if path == "/shaders":
+            return "application/json", json.dumps([shader.for_browser() for shader in self.shaders]).encode()
+        if path == "/verdict":
+            value = json.loads(body)
+            self.verdicts[value["name"]] = value["problems"]
+            return "text/plain", b""
+        return None
 
 
 def main():
-    # Told to stop, unwind as usual: the browser is in a session of its own, and would be left behind.
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = browser.arguments(__doc__)
     parser.add_argument("folder", nargs="?", default="target/wgsl", type=pathlib.Path, help="default: %(default)s")
-    parser.add_argument("--browser", help=f"the program to run (default: the first of {', '.join(CHROMIUM_NAMES)} on the PATH)")
-    parser.add_argument("--timeout", type=float, default=600.0, metavar="S", help="for all shaders together (default: %(default)g s)")
     options = parser.parse_args()
 
-    browser = options.browser or next(filter(None, map(shutil.which, CHROMIUM_NAMES)), None)
-    if browser is None:
-        parser.exit(1, f"no browser on the PATH: install one of {', '.join(CHROMIUM_NAMES)}\n")
     files = sorted(options.folder.rglob("*.wgsl"))
     if not files:
         parser.exit(1, f"no .wgsl file in {options.folder}: the tests write them there\n")
     shaders = [Shader(str(file.relative_to(options.folder)), file.read_text()) for file in files]
 
-    verdicts, trouble = ask_browser(browser, [s for s in shaders if not s.mistakes], options.timeout)
+    check = Check([s for s in shaders if not s.mistakes])
+    trouble = browser.visit(options.browser, check, options.timeout)
 
     failed = 0
     for shader in shaders:
-        problems = shader.mistakes or verdicts.get(shader.name, [trouble or "no verdict"])
+        problems = shader.mistakes or check.verdicts.get(shader.name, [trouble or "no verdict"])
         count = len(shader.entry_points)
         pipelines = f"{count} compute pipeline{'' if count == 1 else 's'}" if count else "module only"
         print(f"{'FAILED' if problems else 'ok':6} {shader.name} ({pipelines})")

@@ -10,68 +10,13 @@ set -euo pipefail
 root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)
 # shellcheck source=scripts/vulkan.sh
 . "$root/scripts/vulkan.sh"
+# shellcheck source=scripts/debian.sh
+. "$root/scripts/debian.sh"
 
 SUITE=trixie # of Debian, with Mesa 25.0
 FOLDER=${XDG_CACHE_HOME:-$HOME/.cache}/deep-screen-space/lavapipe-$SUITE
 
-none() { say "no driver with ray queries: $*"; exit 77; }
-
-# The machine's own sources of Debian, for another suite.
-sources() {
-  local codename=$1 file
-  for file in /etc/apt/sources.list /etc/apt/sources.list.d/*.list; do
-    [ -r "$file" ] || continue
-    awk -v of="$codename" -v suite="$SUITE" '/^deb / { for (i = 2; i <= NF; i++) if ($i == of) { $i = suite; print; next } }' \
-      "$file" >>"$2/own.list"
-  done
-  for file in /etc/apt/sources.list.d/*.sources; do
-    [ -r "$file" ] || continue
-    awk -v of="$codename" -v suite="$SUITE" 'BEGIN { RS = ""; ORS = "\n\n" }
-      $0 ~ "\nSuites:[^\n]* " of "( |\n|$)" { sub(/\nSuites:[^\n]*/, "\nSuites: " suite); print }' "$file" >>"$2/own.sources"
-  done
-}
-
-# Downloads and unpacks the driver, unless it is there.
-fetch() {
-  [ -e "$FOLDER/complete" ] && return
-  command -v apt-get >/dev/null && command -v dpkg >/dev/null || none "there is no apt-get here; VK_DRIVER_FILES may name one"
-  # shellcheck disable=SC1091 # every system has it
-  local codename work log
-  codename=$(. /etc/os-release && printf '%s' "${VERSION_CODENAME:-}")
-  work=$(mktemp -d)
-  log=$work/log
-  mkdir -p "$work"/{lists/partial,archives/partial,parts,root}
-  touch "$work/status"
-  sources "$codename" "$work/parts"
-  cat >"$work/apt.conf" <<CONF
-Dir::State "$work";
-Dir::State::lists "$work/lists";
-Dir::State::status "$work/status";
-Dir::Cache "$work";
-Dir::Cache::archives "$work/archives";
-Dir::Etc::sourcelist "/dev/null";
-Dir::Etc::sourceparts "$work/parts";
-Dir::Etc::preferences "/dev/null";
-Dir::Etc::preferencesparts "/dev/null";
-APT::Sandbox::User "$(id -un)";
-Acquire::Languages "none";
-Acquire::IndexTargets::deb::DEP-11::DefaultEnabled "false";
-CONF
-  say "downloading lavapipe of Debian's $SUITE"
-  # As if nothing were installed: all that the driver needs comes along.
-  if ! { timeout 100 apt-get -c "$work/apt.conf" -q update &&
-    timeout 100 apt-get -c "$work/apt.conf" -q -y --no-install-recommends --download-only install mesa-vulkan-drivers libvulkan1 &&
-    for file in "$work"/archives/*.deb; do dpkg -x "$file" "$work/root"; done; } </dev/null >"$log" 2>&1; then
-    tail -n 5 "$log" >&2
-    rm -rf "$work"
-    none "Debian's $SUITE could not be had (the last lines are above)"
-  fi
-  rm -rf "$FOLDER"
-  mkdir -p "$FOLDER"
-  mv "$work/root/usr" "$FOLDER/usr"
-  rm -rf "$work"
-  touch "$FOLDER/complete"
-}
+none() { say "no driver with ray queries: $* (VK_DRIVER_FILES may name one)"; exit 77; }
 
 ensure_rust
 export XDG_RUNTIME_DIR=${XDG_RUNTIME_DIR:-${TMPDIR:-/tmp}}
@@ -79,7 +24,7 @@ runner=()
 if [ -n "${VK_DRIVER_FILES:-}" ]; then
   say "Vulkan driver named by the environment: $VK_DRIVER_FILES"
 else
-  fetch
+  unpack_from_debian "$SUITE" "$FOLDER" "" mesa-vulkan-drivers libvulkan1
   VK_DRIVER_FILES=$(find "$FOLDER/usr/share/vulkan/icd.d" -name 'lvp_icd*.json' -print -quit)
   loader=$(find "$FOLDER/usr" -name 'ld-linux*.so.*' -print -quit)
   libraries=$(dirname "$(find "$FOLDER/usr/lib" -name libvulkan_lvp.so -print -quit)")

@@ -174,6 +174,19 @@ impl Camera {
 
     /// The same from plain arrays, column by column, for engines on another version of [`glam`], or on none.
     ///
+    /// ```
+    /// use deep_screen_space::{Camera, Viewport};
+    ///
+    /// // An engine's matrices, in f32: 4 units behind the origin, 90° wide and high, depth from 1 at 0.1 units to 0 far away.
+    /// let view = [[1.0_f32, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, -4.0, 1.0]];
+    /// let projection = [[1.0_f32, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, -1.0], [0.0, 0.0, 0.1, 0.0]];
+    /// let widened = |columns: [[f32; 4]; 4]| columns.map(|column| column.map(f64::from));
+    /// let camera = Camera::from_arrays(widened(view), widened(projection), Viewport::full(512, 512))?;
+    /// assert_eq!(camera.eye().to_array(), [0.0, 0.0, 4.0]);
+    /// assert_eq!(camera.background_depth(), 0.0);
+    /// # Ok::<(), deep_screen_space::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// As [`Camera::new`].
     pub fn from_arrays(

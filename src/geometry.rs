@@ -1,6 +1,6 @@
 //! The caller's triangles: buffers described by offset, stride and format, never copied.
 
-use wgpu::{Buffer, BufferUsages};
+use wgpu::{Buffer, BufferUsages, VertexFormat};
 
 use crate::error::Error;
 
@@ -19,6 +19,28 @@ impl PositionFormat {
         match self {
             Self::Float32x3 => 12,
             Self::Float16x4 => 8,
+        }
+    }
+}
+
+/// Of the format by which a vertex shader reads positions.
+impl TryFrom<VertexFormat> for PositionFormat {
+    type Error = Error;
+
+    /// # Errors
+    /// [`Error::Buffer`] for compressed positions, which only the engine's own shader can decode, and for two coordinates.
+    fn try_from(format: VertexFormat) -> Result<Self, Error> {
+        match format {
+            // The fourth is not read.
+            VertexFormat::Float32x3 | VertexFormat::Float32x4 => Ok(Self::Float32x3),
+            VertexFormat::Float16x4 => Ok(Self::Float16x4),
+            _ => Err(Error::Buffer {
+                name: "Mesh::vertices",
+                found: format!("positions of format {format:?}"),
+                needed: "Float32x3, Float32x4 or Float16x4 (have a mesh uploaded without compression, or decode its positions \
+                         into a buffer of their own)"
+                    .into(),
+            }),
         }
     }
 }
@@ -51,6 +73,16 @@ pub enum IndexFormat {
     Uint16,
     /// 32 bits.
     Uint32,
+}
+
+/// Of the format by which an engine draws.
+impl From<wgpu::IndexFormat> for IndexFormat {
+    fn from(format: wgpu::IndexFormat) -> Self {
+        match format {
+            wgpu::IndexFormat::Uint16 => Self::Uint16,
+            wgpu::IndexFormat::Uint32 => Self::Uint32,
+        }
+    }
 }
 
 /// Indices in one of the caller's buffers (usage `STORAGE`, beside `INDEX`).
@@ -205,7 +237,7 @@ pub(crate) fn check_usage(name: &'static str, buffer: &Buffer) -> Result<(), Err
         Err(Error::Buffer {
             name,
             found: format!("usage {:?}", buffer.usage()),
-            needed: "usage STORAGE".into(),
+            needed: "usage STORAGE (add BufferUsages::STORAGE where the buffer is created)".into(),
         })
     }
 }

@@ -164,7 +164,7 @@ pub(crate) fn check_layers(
                 texture.dimension(),
                 texture.sample_count()
             ),
-            "a 2-D texture with one sample per pixel",
+            "a 2-D texture with one sample per pixel (draw one without multisampling, or resolve it)",
         );
     }
     if slice.mip >= texture.mip_level_count() {

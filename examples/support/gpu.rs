@@ -1,7 +1,15 @@
 //! A device for examples, tests and benches, and the blocking reads that a library must not do.
+//!
+//! In a browser nothing may block: there [`Gpu::open_soon`] and [`Gpu::read_texture_soon`] serve, and what ends with a wait does
+//! not wait.
 
-use std::sync::Arc;
+use std::{
+    future::poll_fn,
+    sync::{Arc, Mutex},
+    task::{Poll, Waker},
+};
 
+#[cfg(feature = "native")]
 use crate::stopwatch::Stopwatch;
 use deep_screen_space::wgpu::{self, util::DeviceExt};
 
@@ -73,6 +81,8 @@ impl Ask {
 
 /// A device with its queue.
 pub struct Gpu {
+    /// For what is drawn to a window's or a page's surface.
+    pub instance: wgpu::Instance,
     pub device: wgpu::Device,
     pub queue: wgpu::Queue,
     pub adapter: wgpu::AdapterInfo,
@@ -80,20 +90,28 @@ pub struct Gpu {
 
 impl Gpu {
     /// Opens the first adapter that wgpu prefers; one line says why there is none.
+    #[cfg(feature = "native")]
     pub fn open(ask: Ask) -> Result<Self, String> {
+        pollster::block_on(Self::open_soon(ask))
+    }
+
+    /// The same without blocking.
+    pub async fn open_soon(ask: Ask) -> Result<Self, String> {
         Self::open_as(|adapter| {
             let (features, limits) = ask.of(adapter);
             Ok((features, limits, wgpu::ExperimentalFeatures::disabled()))
         })
+        .await
     }
 
     /// One for rays that the device traces itself, given the token that says so: with limits, or with the floor and all that the
     /// adapter offers for such rays. One line says where it offers none.
+    #[cfg(feature = "native")]
     pub fn open_for_ray_queries(
         token: wgpu::ExperimentalFeatures,
         limits: Option<wgpu::Limits>,
     ) -> Result<Self, String> {
-        Self::open_as(|adapter| {
+        pollster::block_on(Self::open_as(|adapter| {
             let feature = wgpu::Features::EXPERIMENTAL_RAY_QUERY;
             if !adapter.features().contains(feature) {
                 return Err(format!("{} offers no ray queries", adapter.get_info().name));
@@ -103,43 +121,46 @@ impl Gpu {
             });
             let times = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
             Ok((feature | times, limits, token))
-        })
+        }))
     }
 
-    fn open_as(
+    async fn open_as(
         ask: impl FnOnce(
             &wgpu::Adapter,
         )
             -> Result<(wgpu::Features, wgpu::Limits, wgpu::ExperimentalFeatures), String>,
     ) -> Result<Self, String> {
-        pollster::block_on(async {
-            let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
-            // lavapipe of Mesa 22.3 (Debian 12) crashes on debug labels inside command buffers.
-            descriptor.flags |= wgpu::InstanceFlags::DISCARD_HAL_LABELS;
-            let instance = wgpu::Instance::new(descriptor);
-            let adapter = instance
-                .request_adapter(&wgpu::RequestAdapterOptions {
-                    power_preference: wgpu::PowerPreference::HighPerformance,
-                    ..Default::default()
-                })
-                .await
-                .map_err(|e| format!("no graphics adapter: {e} (scripts/demo.sh installs a software Vulkan driver)"))?;
-            let (required_features, required_limits, experimental_features) = ask(&adapter)?;
-            let (device, queue) = adapter
-                .request_device(&wgpu::DeviceDescriptor {
-                    label: Some("deep-screen-space"),
-                    required_features,
-                    required_limits,
-                    experimental_features,
-                    ..Default::default()
-                })
-                .await
-                .map_err(|e| format!("no device: {e}"))?;
-            Ok(Self {
-                device,
-                queue,
-                adapter: adapter.get_info(),
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
+        // lavapipe of Mesa 22.3 (Debian 12) crashes on debug labels inside command buffers.
+        descriptor.flags |= wgpu::InstanceFlags::DISCARD_HAL_LABELS;
+        let instance = wgpu::Instance::new(descriptor);
+        let adapter = instance
+            .request_adapter(&wgpu::RequestAdapterOptions {
+                power_preference: wgpu::PowerPreference::HighPerformance,
+                ..Default::default()
             })
+            .await
+            .map_err(|e| {
+                format!(
+                    "no graphics adapter: {e} (scripts/demo.sh installs a software Vulkan driver)"
+                )
+            })?;
+        let (required_features, required_limits, experimental_features) = ask(&adapter)?;
+        let (device, queue) = adapter
+            .request_device(&wgpu::DeviceDescriptor {
+                label: Some("deep-screen-space"),
+                required_features,
+                required_limits,
+                experimental_features,
+                ..Default::default()
+            })
+            .await
+            .map_err(|e| format!("no device: {e}"))?;
+        Ok(Self {
+            instance,
+            device,
+            queue,
+            adapter: adapter.get_info(),
         })
     }
 
@@ -195,6 +216,7 @@ impl Gpu {
 
     /// Records, submits, waits; returns milliseconds by [`Gpu::stopwatch`]. Timestamps in compute passes are wrong on
     /// lavapipe once a render pass has run, so this is what works everywhere.
+    #[cfg(feature = "native")]
     pub fn time<R>(&self, record: impl FnOnce(&mut wgpu::CommandEncoder) -> R) -> (f64, R) {
         let mut encoder = self.encoder();
         let result = record(&mut encoder);
@@ -204,6 +226,7 @@ impl Gpu {
     }
 
     /// What this adapter's work is timed by: the processor's time where the driver runs on it.
+    #[cfg(feature = "native")]
     pub fn stopwatch(&self) -> Stopwatch {
         Stopwatch::start(self.on_processor())
     }
@@ -219,22 +242,33 @@ impl Gpu {
     }
 
     /// The contents of a buffer with usage `COPY_SRC`.
+    #[cfg(feature = "native")]
     pub fn read_buffer<T: bytemuck::Pod>(&self, buffer: &wgpu::Buffer) -> Vec<T> {
         let staging = self.staging(buffer.size());
         let mut encoder = self.encoder();
         encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, None);
         self.finish(encoder);
-        self.map(&staging, |bytes| bytemuck::pod_collect_to_vec(bytes))
+        pollster::block_on(self.map(&staging, |bytes| bytemuck::pod_collect_to_vec(bytes)))
     }
 
     /// The texels of one layer of a texture with usage `COPY_SRC`, rows from the top.
+    #[cfg(feature = "native")]
     pub fn read_texture<T: bytemuck::Pod>(&self, texture: &wgpu::Texture, layer: u32) -> Vec<T> {
+        pollster::block_on(self.read_texture_soon(texture, layer))
+    }
+
+    /// The same without blocking.
+    pub async fn read_texture_soon<T: bytemuck::Pod>(
+        &self,
+        texture: &wgpu::Texture,
+        layer: u32,
+    ) -> Vec<T> {
         let most = self.device.limits().max_buffer_size;
-        self.read_texture_by(texture, layer, most as usize)
+        self.read_texture_by(texture, layer, most as usize).await
     }
 
     /// The same through buffers of at most so many bytes, and a row.
-    pub fn read_texture_by<T: bytemuck::Pod>(
+    pub async fn read_texture_by<T: bytemuck::Pod>(
         &self,
         texture: &wgpu::Texture,
         layer: u32,
@@ -279,7 +313,8 @@ impl Gpu {
                 for row_of in bytes.chunks_exact(padded) {
                     texels.extend(bytemuck::pod_collect_to_vec::<u8, T>(&row_of[..row]));
                 }
-            });
+            })
+            .await;
         }
         texels
     }
@@ -375,18 +410,38 @@ impl Gpu {
         })
     }
 
-    fn map<R>(&self, staging: &wgpu::Buffer, read: impl FnOnce(&[u8]) -> R) -> R {
-        let (sender, receiver) = std::sync::mpsc::channel();
+    async fn map<R>(&self, staging: &wgpu::Buffer, read: impl FnOnce(&[u8]) -> R) -> R {
+        let answer = Arc::new(Mutex::new(Answer::default()));
+        let told = answer.clone();
         staging.map_async(wgpu::MapMode::Read, .., move |result| {
-            let _ = sender.send(result);
+            let mut answer = told.lock().expect("nothing panics with it");
+            answer.result = Some(result);
+            if let Some(waker) = answer.waker.take() {
+                waker.wake();
+            }
         });
+        // In a browser this does nothing, and the answer comes by itself.
         self.device
             .poll(wgpu::PollType::wait_indefinitely())
             .expect("the device answers");
-        receiver
-            .recv()
-            .expect("mapping ends")
-            .expect("the buffer maps");
+        poll_fn(|context| {
+            let mut answer = answer.lock().expect("nothing panics with it");
+            if let Some(result) = answer.result.take() {
+                Poll::Ready(result)
+            } else {
+                answer.waker = Some(context.waker().clone());
+                Poll::Pending
+            }
+        })
+        .await
+        .expect("the buffer maps");
         read(&staging.get_mapped_range(..).expect("the buffer is mapped"))
     }
+}
+
+/// Whether a buffer is mapped, and who waits for it.
+#[derive(Default)]
+struct Answer {
+    result: Option<Result<(), wgpu::BufferAsyncError>>,
+    waker: Option<Waker>,
 }

@@ -22,6 +22,7 @@ use crate::{
         Kernel, WORKGROUP,
         binding::{Group, Kept, Layout, Resource, part, whole},
         dispatch, shader, storage,
+        texture::Plane,
         uniforms::{Parameters, Uniforms},
     },
     mesh_binding::{MeshBinding, Window, check_bound, windows},
@@ -53,16 +54,9 @@ pub(crate) struct AlphaMaps {
 impl AlphaMaps {
     /// None: a texel that nothing reads.
     pub fn none(device: &Device) -> Self {
-        let texture = device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("deep-screen-space no alpha maps"),
-            size: wgpu::Extent3d::default(),
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: TextureFormat::R8Unorm,
-            usage: TextureUsages::TEXTURE_BINDING,
-            view_formats: &[],
-        });
+        let usage = TextureUsages::TEXTURE_BINDING;
+        let label = "deep-screen-space no alpha maps";
+        let texture = Plane::new(label, TextureFormat::R8Unorm, [1, 1], usage).create(device);
         Self {
             view: texture.create_view(&TextureViewDescriptor {
                 dimension: Some(TextureViewDimension::D2Array),

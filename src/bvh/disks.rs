@@ -13,6 +13,7 @@ use crate::{
         Kernel, Timestamps, WORKGROUP,
         binding::{Kept, Layout, whole},
         compute_pass, dispatch, shader, storage,
+        texture::Plane,
         uniforms::{Parameters, Place, Uploaded},
     },
     surfel::SurfelCloud,
@@ -93,20 +94,13 @@ impl VectorArray {
         )?;
         Ok(Self {
             buffer: storage(device, label, 16 * ROW * rows, BufferUsages::COPY_SRC)?,
-            texture: device.create_texture(&wgpu::TextureDescriptor {
-                label: Some(label),
-                size: wgpu::Extent3d {
-                    width: ROW as u32,
-                    height: rows as u32,
-                    depth_or_array_layers: 1,
-                },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format: wgpu::TextureFormat::Rgba32Float,
-                usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
-                view_formats: &[],
-            }),
+            texture: Plane::new(
+                label,
+                wgpu::TextureFormat::Rgba32Float,
+                [ROW as u32, rows as u32],
+                TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
+            )
+            .create(device),
         })
     }
 

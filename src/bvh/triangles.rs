@@ -18,6 +18,7 @@ use crate::{
         shader,
         sort::{Sort, SortBuffer},
         storage,
+        texture::Plane,
         uniforms::{Parameters, Place, Uploaded},
     },
 };
@@ -313,22 +314,10 @@ fn texels(
         u64::from(rows.max(ROW_TEXELS)),
         why,
     )?;
-    Ok(device.create_texture(&wgpu::TextureDescriptor {
-        label: Some(label),
-        size: wgpu::Extent3d {
-            width: ROW_TEXELS,
-            height: rows,
-            depth_or_array_layers: 1,
-        },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: TextureFormat::Rgba32Uint,
-        usage: TextureUsages::TEXTURE_BINDING
-            | TextureUsages::STORAGE_BINDING
-            | TextureUsages::COPY_SRC,
-        view_formats: &[],
-    }))
+    let usage =
+        TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING | TextureUsages::COPY_SRC;
+    let size = [ROW_TEXELS, rows];
+    Ok(Plane::new(label, TextureFormat::Rgba32Uint, size, usage).create(device))
 }
 
 /// The pipelines.

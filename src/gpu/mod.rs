@@ -1,5 +1,5 @@
-//! What every pass shares: shader assembly, layouts and pipelines, uniforms, prefix sums, fragment passes, labels and
-//! timestamps.
+//! What every pass shares: shader assembly, layouts and pipelines, uniforms, textures, prefix sums, fragment passes, labels
+//! and timestamps.
 
 pub(crate) mod binding;
 pub(crate) mod compiler;
@@ -10,6 +10,7 @@ pub(crate) mod scan;
 pub(crate) mod screen;
 pub(crate) mod shader;
 pub(crate) mod sort;
+pub(crate) mod texture;
 pub(crate) mod tokens;
 pub(crate) mod uniforms;
 

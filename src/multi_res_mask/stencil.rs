@@ -9,30 +9,19 @@ use super::LABEL;
 use crate::gpu::{
     binding::{Group, Layout},
     shader::Shader,
+    texture::Plane,
 };
 
 /// Its format.
 pub(super) const STENCIL: TextureFormat = TextureFormat::Stencil8;
 
 /// A stencil buffer of a level.
-pub(super) fn create(device: &Device, [width, height]: [u32; 2]) -> TextureView {
-    device
-        .create_texture(&wgpu::TextureDescriptor {
-            label: Some("deep-screen-space multi-resolution stencil"),
-            size: wgpu::Extent3d {
-                width,
-                height,
-                depth_or_array_layers: 1,
-            },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: STENCIL,
-            usage: TextureUsages::RENDER_ATTACHMENT
-                | TextureUsages::TEXTURE_BINDING
-                | TextureUsages::COPY_SRC,
-            view_formats: &[],
-        })
+pub(super) fn create(device: &Device, size: [u32; 2]) -> TextureView {
+    let usage =
+        TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_SRC;
+    let label = "deep-screen-space multi-resolution stencil";
+    Plane::new(label, STENCIL, size, usage)
+        .create(device)
         .create_view(&wgpu::TextureViewDescriptor::default())
 }
 

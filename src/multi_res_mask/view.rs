@@ -13,6 +13,7 @@ use crate::{
         binding::Kept,
         scan::{Scan, ScanBuffer},
         storage,
+        texture::Plane,
     },
     receivers::{check_view_size, plane_bytes},
     work::{LEVELS, PixelList, level_size, list_bytes},
@@ -193,23 +194,10 @@ fn block_bytes(size: [u32; 2], level: u32) -> u64 {
 }
 
 fn blocks(device: &Device, size: [u32; 2], level: u32) -> TextureView {
-    let [width, height] = block_size(size, level);
-    device
-        .create_texture(&wgpu::TextureDescriptor {
-            label: Some("deep-screen-space multi-resolution mask"),
-            size: wgpu::Extent3d {
-                width,
-                height,
-                depth_or_array_layers: 1,
-            },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: BLOCK,
-            usage: TextureUsages::RENDER_ATTACHMENT
-                | TextureUsages::TEXTURE_BINDING
-                | TextureUsages::COPY_SRC,
-            view_formats: &[],
-        })
+    let usage =
+        TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_SRC;
+    let label = "deep-screen-space multi-resolution mask";
+    Plane::new(label, BLOCK, block_size(size, level), usage)
+        .create(device)
         .create_view(&wgpu::TextureViewDescriptor::default())
 }

@@ -18,6 +18,7 @@ use crate::{
         binding::{Layout, view},
         check_timestamps, compute_pass,
         shader::{self, Shader},
+        texture::Plane,
         uniforms::Uniforms,
     },
     work::PixelList,
@@ -110,6 +111,11 @@ pub(crate) fn check_view_size(
     )
 }
 
+/// What all of them are used for.
+const USAGE: TextureUsages = TextureUsages::STORAGE_BINDING
+    .union(TextureUsages::TEXTURE_BINDING)
+    .union(TextureUsages::COPY_SRC);
+
 /// One with usages besides.
 pub(crate) fn plane_for(
     device: &Device,
@@ -120,7 +126,11 @@ pub(crate) fn plane_for(
     besides: TextureUsages,
 ) -> Result<wgpu::Texture, Error> {
     check_view_size(device, label, size)?;
-    Ok(device.create_texture(&plane_of(label, format, size, layers, besides)))
+    Ok(Plane {
+        layers,
+        ..Plane::new(label, format, size, USAGE | besides)
+    }
+    .create(device))
 }
 
 /// One with so many mip levels.
@@ -132,36 +142,11 @@ pub(crate) fn mipped_plane(
     levels: u32,
 ) -> Result<wgpu::Texture, Error> {
     check_view_size(device, label, size)?;
-    Ok(device.create_texture(&wgpu::TextureDescriptor {
-        mip_level_count: levels,
-        ..plane_of(label, format, size, 1, TextureUsages::empty())
-    }))
-}
-
-fn plane_of(
-    label: &'static str,
-    format: TextureFormat,
-    [width, height]: [u32; 2],
-    layers: u32,
-    besides: TextureUsages,
-) -> wgpu::TextureDescriptor<'static> {
-    wgpu::TextureDescriptor {
-        label: Some(label),
-        size: wgpu::Extent3d {
-            width,
-            height,
-            depth_or_array_layers: layers,
-        },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format,
-        usage: TextureUsages::STORAGE_BINDING
-            | TextureUsages::TEXTURE_BINDING
-            | TextureUsages::COPY_SRC
-            | besides,
-        view_formats: &[],
+    Ok(Plane {
+        levels,
+        ..Plane::new(label, format, size, USAGE)
     }
+    .create(device))
 }
 
 /// Bytes of such a texture.

@@ -166,7 +166,7 @@ fn a_texture_larger_than_a_buffer_is_read_whole() {
         bytemuck::cast_slice(&texels),
     );
     for bytes in [0, 512, 5000, 1 << 20] {
-        let read: Vec<u32> = GPU.read_texture_by(&texture, 0, bytes);
+        let read: Vec<u32> = pollster::block_on(GPU.read_texture_by(&texture, 0, bytes));
         assert!(read == texels, "{bytes} bytes");
     }
 }

@@ -1,6 +1,7 @@
 //! The passes together: whole pictures against ray tracing, extremes, misuse, and what is drawn at random.
 
 mod bounces;
+mod browser;
 mod extremes;
 mod frames;
 mod fuzz;

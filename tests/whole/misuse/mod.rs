@@ -3,6 +3,7 @@
 
 mod buffers;
 mod empty;
+mod engines;
 mod recordings;
 mod textures;
 
@@ -121,8 +122,8 @@ impl Lab {
         cloud.expect("a cloud")
     }
 
-    fn record_cloud(&self, encoder: &mut wgpu::CommandEncoder, cloud: &mut SurfelCloud) {
-        let mesh = Mesh {
+    fn wall(&self) -> Mesh<'_> {
+        Mesh {
             vertices: Vertices {
                 buffer: &self.corners,
                 offset: 0,
@@ -136,7 +137,15 @@ impl Lab {
             base_vertex: 0,
             instances: None,
             material: 0,
-        };
+        }
+    }
+
+    fn record_mesh(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        mesh: Mesh<'_>,
+        cloud: &mut SurfelCloud,
+    ) -> Result<(), Error> {
         let input = SurfelizerInput {
             geometry: Geometry { meshes: &[mesh] },
             camera: &self.camera,
@@ -146,6 +155,10 @@ impl Lab {
         let settings = SurfelizerSettings::default();
         self.surfelizer
             .record(&self.gpu.device, encoder, &input, &settings, cloud)
+    }
+
+    fn record_cloud(&self, encoder: &mut wgpu::CommandEncoder, cloud: &mut SurfelCloud) {
+        self.record_mesh(encoder, self.wall(), cloud)
             .expect("surfels");
     }
 
