@@ -102,6 +102,15 @@ impl HitResolverSettings {
         }
     }
 
+    /// The same for light that glossy receivers reflect, whose detail is finer still: neighbours whose means differ by more than
+    /// their noise hardly count.
+    pub fn for_glossy_light(rays_per_pixel: u32) -> Self {
+        Self {
+            variance_clamp: 4.0,
+            ..Self::for_light(rays_per_pixel)
+        }
+    }
+
     /// The same for what an environment sends, [`Payload::Sky`](crate::Payload::Sky), where a small sun's shadow may end within
     /// a pixel: neighbours whose means differ by more than their noise hardly count. Measured in three scenes under two skies.
     pub fn for_environment(rays_per_pixel: u32) -> Self {
