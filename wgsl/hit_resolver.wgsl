@@ -501,7 +501,7 @@ fn resolved(fragment: vec4f) -> vec4f {
 #if GLOSSY
   let lobe = lobe_of(vec2u(at), texel);
   // The narrower a lobe is, the finer is what it shows of the same hits: by its roughness. By its width small lamps would be
-  // noisier (`render cornell --effect specular --roughness 0.3`: 1.09 in place of 0.80; dominoes 0.29 in place of 0.35).
+  // noisier.
   let per_hit_distance = min(params.per_hit_distance / sqrt(lobe.alpha), STEEP);
 #else
   let per_hit_distance = params.per_hit_distance;

@@ -5,9 +5,10 @@ use support::testing::pipelines;
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedSettings, BouncedView, BouncedZBuffer, Bvh, Camera,
-    CloudCapacity, Error, GBuffer, Geometry, HitEstimateInput, HitRadiance, HitResolverDescriptor, HitResolverInput, HitResolverSettings,
-    Payload, Primitives, RayBudget, RayBudgetInput, RayBudgetSettings, Sampling, SurfelCloud, SurfelShaderInput,
-    SurfelShaderSettings, SurfelizerInput, SurfelizerSettings, Viewport,
+    CloudCapacity, Error, GBuffer, Geometry, HitEstimateInput, HitRadiance, HitResolverDescriptor,
+    HitResolverInput, HitResolverSettings, Payload, Primitives, RayBudget, RayBudgetInput,
+    RayBudgetSettings, Sampling, SurfelCloud, SurfelShaderInput, SurfelShaderSettings,
+    SurfelizerInput, SurfelizerSettings, Viewport,
     glam::{DMat4, DVec2, DVec3},
     reference::{
         directions::{cell_point, further_point},
@@ -754,9 +755,8 @@ fn further_rays_are_what_the_lobe_makes_of_them() {
         let Some(pixel) = pixel else { continue };
         let lobe = stage.lobe(pixel, ROUGHNESS);
         let place = [at as u32 % SIDE, at as u32 / SIDE];
-        let drawn = |index, turn| {
-            lobe.direction(further_point(place, [index, turn], [2, 2], traced.frame))
-        };
+        let drawn =
+            |index, turn| lobe.direction(further_point(place, [index, turn], [2, 2], traced.frame));
         let mut expected = [DVec3::ZERO; 2];
         for index in 0..4 {
             for turn in 1..=FURTHER {
@@ -772,7 +772,10 @@ fn further_rays_are_what_the_lobe_makes_of_them() {
         }
         let own = counts[at];
         assert_eq!(own[3].to_bits(), 4 * (1 + FURTHER), "pixel {at}");
-        let sums = [color([own[0], own[1], own[2]]), color([own[4], own[5], own[6]])];
+        let sums = [
+            color([own[0], own[1], own[2]]),
+            color([own[4], own[5], own[6]]),
+        ];
         let off = sums[0].distance(expected[0]) + sums[1].distance(expected[1]);
         pixels += 1;
         // Packed hits are within 1/512 of their largest channel, and directions off by what drivers' sines are.
@@ -782,7 +785,9 @@ fn further_rays_are_what_the_lobe_makes_of_them() {
         for index in 0..4 {
             let drawn = drawn(index, 0);
             let arrived = unpack_color(hits[index as usize][at]);
-            sum += lobe.mirrored(drawn.light, drawn.facet, color(F0), arrived).radiance;
+            sum += lobe
+                .mirrored(drawn.light, drawn.facet, color(F0), arrived)
+                .radiance;
         }
         let mean = sum / f64::from(4 * (1 + FURTHER));
         worst = worst.max(wide(found[at]).distance(mean) / (0.1 + mean.length()));
