@@ -200,8 +200,8 @@ impl BouncedDescriptor {
         self.payload == Payload::Sky
     }
 
-    /// Whether pixels may have further rays: their sums are kept, of what arrives where directions are drawn by the cosine, and of
-    /// what the lobe makes of radiance.
+    /// Whether pixels may have further rays: their sums are kept, of what arrives where directions are drawn by the cosine, and
+    /// of what the lobe makes of radiance.
     pub(crate) fn takes_more(&self) -> bool {
         self.counted
             && match self.sampling {
