@@ -103,8 +103,8 @@ impl HitResolverSettings {
     }
 
     /// The same for light that glossy receivers reflect, which has edges where the surface has none: neighbours whose means
-    /// differ by more than their noise hardly count. Measured in three scenes at 40 rays; smaller clamps blur less where surfaces are
-    /// lit, and leave more noise where small lamps alone shine.
+    /// differ by more than their noise hardly count. Measured in three scenes at 40 rays; a smaller clamp blurs less, and leaves
+    /// more noise where small lamps alone shine.
     pub fn for_glossy_light(rays_per_pixel: u32) -> Self {
         Self {
             variance_clamp: 4.0,
