@@ -25,7 +25,7 @@ use crate::{
         HitEstimateInput, HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverView,
         settings::HitResolverSettings,
     },
-    ray_budget::{RayBudget, RayBudgetInput, view::RayBudgetView},
+    ray_budget::{RayBudget, RayBudgetInput, settings::RayBudgetSettings, view::RayBudgetView},
     receivers::{FrameInput, GBufferDecoder, Receivers, plane_bytes, plane_for},
     recorded::never,
     temporal_accumulator::{
@@ -602,7 +602,7 @@ fn check_rays(effect: &RayTracedEffect, rays: &RaySettings) -> Result<(), Error>
     rays.filter.validate()?;
     rays.further
         .as_ref()
-        .map_or(Ok(()), |further| further.validate())
+        .map_or(Ok(()), RayBudgetSettings::validate)
 }
 
 /// Whether frames are joined before they are filtered, which occlusion gains nothing by.
