@@ -76,7 +76,8 @@ struct Lights {
 
 #if COUNTED
 struct PixelRays {
-  // Over the rays of further sets: of what comes along them, or how many were blocked.
+  // Over the rays of further sets: of what comes along them, or how many were blocked. Of glossy receivers what the lobe makes of
+  // it, in two parts: what counts as much as the reflectance straight on, and what is mirrored whatever that is.
 #if RADIANCE
   sum: vec3f,
 #else
@@ -84,6 +85,9 @@ struct PixelRays {
 #endif
   // How many rays there were.
   rays: u32,
+#if RADIANCE && GLOSSY
+  grazing: vec3f,
+#endif
 }
 #endif
 
@@ -311,6 +315,10 @@ struct Seen {
 #endif
   blocked: bool,
   nearness: u32,
+#if GLOSSY && MORE
+  // How much of it the lobe sends on: times the reflectance straight on, and besides.
+  shares: vec2f,
+#endif
 }
 
 #if ENVIRONMENT && !GLOSSY
@@ -358,6 +366,11 @@ fn look(start: Start, index: u32, turn: u32) -> Seen {
     return seen;
   }
   let direction = lobe.frame * drawn.light;
+#if MORE
+  let share = glossy_share(lobe, drawn.light);
+  let power = schlick_power(lobe, drawn.facet);
+  seen.shares = share * vec2f(1.0 - power, power);
+#endif
 #else
   let direction = hemisphere_direction(point, start.normal, SAMPLING).direction;
 #endif
@@ -461,6 +474,9 @@ fn trace_more(
   var near = 0u;
 #if RADIANCE
   var sum = vec3f(0.0);
+#if GLOSSY
+  var grazing = vec3f(0.0);
+#endif
 #else
   var blocked = 0u;
 #endif
@@ -473,7 +489,12 @@ fn trace_more(
       let seen = look(start, index, turn);
       near += seen.nearness;
 #if RADIANCE
+#if GLOSSY
+      sum += seen.shares.x * unpack_color(seen.color);
+      grazing += seen.shares.y * unpack_color(seen.color);
+#else
       sum += unpack_color(seen.color);
+#endif
 #else
       blocked += select(0u, 1u, seen.blocked);
 #endif
@@ -483,6 +504,9 @@ fn trace_more(
   counts[place].rays += item.y * rays_per_pixel();
 #if RADIANCE
   counts[place].sum += sum;
+#if GLOSSY
+  counts[place].grazing += grazing;
+#endif
 #else
   counts[place].blocked += blocked;
 #endif

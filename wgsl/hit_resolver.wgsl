@@ -107,6 +107,9 @@ struct PixelRays {
   blocked: u32,
 #endif
   rays: u32,
+#if RADIANCE && GLOSSY
+  grazing: vec3f,
+#endif
 }
 @group(0) @binding(8) var<storage, read> counts: array<PixelRays>;
 #endif
@@ -268,17 +271,26 @@ fn average(@builtin(global_invocation_id) id: vec3u) {
     mean = sum * per_weight;
     let spread = max(squares * per_weight - luminance(mean) * luminance(mean), 0.0);
     var rays = f32(rays_per_pixel());
+    var apart = 0.0;
 #if RAYS
-    // Of rays beyond the first set the sums are known; what they spread is taken to be the same.
+    // Of rays beyond the first set the sums are known; what they spread is taken to be the same, but what the first set did not
+    // meet at all it does not tell: how far the two means are apart does.
     let own = counts[pixel.y * params.camera.viewport.z + pixel.x];
     if own.rays > rays_per_pixel() {
 #if RADIANCE
+#if GLOSSY
+      sum += params.f0 * own.sum + own.grazing;
+#else
       sum += own.sum;
+#endif
 #else
       sum += vec3f(f32(own.rays - rays_per_pixel() - own.blocked));
 #endif
+      let first = luminance(mean);
       rays = f32(own.rays);
       mean = sum / rays;
+      let off = luminance(mean) - first;
+      apart = off * off * f32(rays_per_pixel()) / (rays - f32(rays_per_pixel()));
     }
 #endif
     // Directions are stratified, which halves it; few that agree may do so by chance, by half of one of them.
@@ -288,7 +300,7 @@ fn average(@builtin(global_invocation_id) id: vec3u) {
     let whole = 1.0;
 #endif
     let chance = 0.5 * whole / rays;
-    variance = 0.5 * spread / rays + chance * chance;
+    variance = 0.5 * max(spread / rays, apart) + chance * chance;
   }
   textureStore(means, pixel, vec4f(mean, variance));
 #endif
@@ -489,7 +501,7 @@ fn resolved(fragment: vec4f) -> vec4f {
 #if GLOSSY
   let lobe = lobe_of(vec2u(at), texel);
   // The narrower a lobe is, the finer is what it shows of the same hits: by its roughness. By its width small lamps would be
-  // noisier (`render cornell --effect specular --roughness 0.3`: 1.09 in place of 0.80; dominoes 0.29 in place of 0.35).
+  // noisier.
   let per_hit_distance = min(params.per_hit_distance / sqrt(lobe.alpha), STEEP);
 #else
   let per_hit_distance = params.per_hit_distance;

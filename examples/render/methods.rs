@@ -306,18 +306,16 @@ pub fn bounced(
         _ => Payload::Occlusion,
     };
     let glossy = options.effect == "specular";
-    let mut rays = presets::rays(&options.preset, payload).ok_or("no such preset")?;
-    if glossy {
-        rays = rays.everywhere();
-    }
-    let mut preset = presets::of(&rays, radius);
+    let suited = |rays: RaySettings| if glossy { rays.for_glossy() } else { rays };
+    let rays = presets::rays(&options.preset, payload).ok_or("no such preset")?;
+    let mut preset = presets::of(&suited(rays), radius);
     if let Some(rays_per_pixel) = options.rays_per_pixel {
-        preset = presets::bounced(rays_per_pixel, payload, radius);
+        preset = presets::of(&suited(RaySettings::new(rays_per_pixel, payload)), radius);
     }
     if let Some(further) = options.further_rays {
         let rays_per_pixel = preset.bounced.rays_per_pixel;
         let rays = RaySettings::with_further(rays_per_pixel, further, payload);
-        preset = presets::of(&rays, radius);
+        preset = presets::of(&suited(rays), radius);
     }
     if options.effect == "bent" {
         preset.reconstructor = HitResolverSettings::for_bent_normals(preset.bounced.rays_per_pixel);

@@ -152,6 +152,10 @@ fn mismatch(found: &str, needed: &str) -> Error {
     }
 }
 
+/// What [`BouncedDescriptor::takes_more`] asks for.
+pub(crate) const NEEDED_FOR_MORE: &str =
+    "BouncedDescriptor::counted, and Sampling::Cosine, or Sampling::Glossy with radiance";
+
 /// What a [`BouncedZBuffer`](crate::BouncedZBuffer) is compiled for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BouncedDescriptor {
@@ -166,8 +170,9 @@ pub struct BouncedDescriptor {
     /// buffers as there may be.
     pub statistics: bool,
     /// Whether pixels may have different numbers of rays: those of [`BouncedInput::pixels`](crate::BouncedInput::pixels) alone,
-    /// and with [`Sampling::Cosine`] further ones where a [`RayBudget`](crate::RayBudget) puts them. Views then take 8 bytes per
-    /// pixel more, and 16 with radiance.
+    /// and further ones where a [`RayBudget`](crate::RayBudget) puts them, with [`Sampling::Cosine`], and with
+    /// [`Sampling::Glossy`] where hits bring radiance. Views then take 8 bytes per pixel more, with radiance 16, and with that of
+    /// glossy receivers 32.
     pub counted: bool,
     /// Whether rays that meet nothing bring what an [`Environment`](crate::Environment) has there
     /// ([`BouncedInput::environment`](crate::BouncedInput::environment)) in place of
@@ -195,9 +200,15 @@ impl BouncedDescriptor {
         self.payload == Payload::Sky
     }
 
-    /// Whether pixels may have further rays: their sums are kept, of which only cosine sampling's are what arrives.
+    /// Whether pixels may have further rays: their sums are kept, of what arrives where directions are drawn by the cosine, and
+    /// of what the lobe makes of radiance.
     pub(crate) fn takes_more(&self) -> bool {
-        self.counted && self.sampling == Sampling::Cosine
+        self.counted
+            && match self.sampling {
+                Sampling::Cosine => true,
+                Sampling::Glossy => self.payload.is_radiance(),
+                Sampling::Uniform => false,
+            }
     }
 
     /// Whether directions are drawn by an environment too: those cannot be had from the settings alone.

@@ -11,7 +11,9 @@ use wgpu::{
 };
 
 use self::{
-    descriptor::{BouncedDescriptor, BouncedScene, HitLighting, HitRadiance, Payload},
+    descriptor::{
+        BouncedDescriptor, BouncedScene, HitLighting, HitRadiance, NEEDED_FOR_MORE, Payload,
+    },
     params::{BouncedParams, DiskParams, LightsParams, MAX_LIGHTS, pixel_rays_bytes},
     settings::{BouncedSettings, MAX_RAYS_PER_PIXEL, Sampling},
     view::{BouncedView, Hits, Traced},
@@ -265,7 +267,7 @@ impl BouncedZBuffer {
             .descriptor
             .counted
             .then(|| {
-                let bytes = pixel_rays_bytes(self.descriptor.payload);
+                let bytes = pixel_rays_bytes(&self.descriptor);
                 let bytes = bytes * u64::from(width) * u64::from(height);
                 storage(device, "deep-screen-space rays of pixels", bytes, usage)
             })
@@ -346,7 +348,8 @@ impl BouncedZBuffer {
     /// # Errors
     /// As [`BouncedZBuffer::record`]; [`Error::Recording`] where the view was not recorded from this frame and cloud, or has
     /// further rays already, or the budget was not recorded for this frame; [`Error::Mismatch`] where the view was recorded with
-    /// other settings, the budget is of another size, or directions are not [`Sampling::Cosine`].
+    /// other settings, the budget is of another size, or directions are [`Sampling::Uniform`], or [`Sampling::Glossy`] with
+    /// [`Payload::Occlusion`].
     pub fn record_more(
         &self,
         device: &Device,
@@ -360,7 +363,7 @@ impl BouncedZBuffer {
             return Err(Error::Mismatch {
                 name: "RayBudgetView",
                 found: format!("{:?}", self.descriptor),
-                needed: "BouncedDescriptor::counted, and Sampling::Cosine".into(),
+                needed: NEEDED_FOR_MORE.into(),
             });
         }
         let before = view.recorded.get("BouncedView")?;

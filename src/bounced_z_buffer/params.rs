@@ -4,8 +4,8 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::{
-    descriptor::Payload,
-    settings::{BouncedSettings, DiskSettings},
+    descriptor::BouncedDescriptor,
+    settings::{BouncedSettings, DiskSettings, Sampling},
     words,
 };
 use crate::{
@@ -64,16 +64,17 @@ impl BouncedParams {
 }
 
 /// Bytes of the shader's `PixelRays`.
-pub(crate) fn pixel_rays_bytes(payload: Payload) -> u64 {
-    if payload.is_radiance() {
-        RADIANCE_RAYS_BYTES
-    } else {
-        OCCLUSION_RAYS_BYTES
+pub(crate) fn pixel_rays_bytes(descriptor: &BouncedDescriptor) -> u64 {
+    match (descriptor.payload.is_radiance(), descriptor.sampling) {
+        (false, _) => OCCLUSION_RAYS_BYTES,
+        (true, Sampling::Glossy) => GLOSSY_RAYS_BYTES,
+        (true, _) => RADIANCE_RAYS_BYTES,
     }
 }
 
 const OCCLUSION_RAYS_BYTES: u64 = 8;
 const RADIANCE_RAYS_BYTES: u64 = 16;
+const GLOSSY_RAYS_BYTES: u64 = 32;
 
 crate::reflection::bytes_of_wgsl!(
     occlusion_rays_are_the_shaders: OCCLUSION_RAYS_BYTES, as "PixelRays" in [
@@ -83,6 +84,12 @@ crate::reflection::bytes_of_wgsl!(
 crate::reflection::bytes_of_wgsl!(
     radiance_rays_are_the_shaders: RADIANCE_RAYS_BYTES, as "PixelRays" in [
         "bounced_z_buffer radiance more", "hit_resolver radiance counted average",
+    ]
+);
+crate::reflection::bytes_of_wgsl!(
+    glossy_rays_are_the_shaders: GLOSSY_RAYS_BYTES, as "PixelRays" in [
+        "bounced_z_buffer radiance glossy more", "hit_resolver radiance glossy counted average",
+        "hit_resolver radiance glossy counted near",
     ]
 );
 

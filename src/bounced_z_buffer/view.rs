@@ -94,7 +94,8 @@ impl BouncedView {
     /// How many rays each pixel had, where the descriptor has them counted, rows from the top. With
     /// [`Payload::Occlusion`](crate::Payload::Occlusion) two `u32`: how many rays of further sets were blocked, and how many rays
     /// there were of all sets. With radiance three `f32`, the sum of what came along rays of further sets, and a `u32`, how many
-    /// rays there were (usages `STORAGE | COPY_SRC`).
+    /// rays there were; of glossy receivers the sum is of what counts as much as the reflectance straight on, and three `f32` and
+    /// a word that is 0 follow, the sum of what is mirrored besides (usages `STORAGE | COPY_SRC`).
     pub fn counts(&self) -> Option<&Buffer> {
         self.counts.as_ref()
     }

@@ -646,8 +646,10 @@ fn source(descriptor: &HitResolverDescriptor, stage: HitStage) -> Result<String,
     if stage != HitStage::Near || counted {
         flags.extend(descriptor.payload.is_radiance().then_some("RADIANCE"));
     }
-    if stage != HitStage::Near {
+    if stage != HitStage::Near || (counted && descriptor.payload.is_radiance()) {
         flags.extend(descriptor.glossy().then_some("GLOSSY"));
+    }
+    if stage != HitStage::Near {
         flags.extend(descriptor.albedo().then_some("ALBEDO"));
     }
     match stage {
@@ -694,7 +696,13 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
                     if payload == Payload::Sky && (is_glossy || deferred || !reads_albedo) {
                         continue;
                     }
-                    if is_near && (is_glossy || (!counted && payload != Payload::Occlusion)) {
+                    // Without counts it is the same for all, and with those of occlusion for glossy receivers too.
+                    let is_same = if counted {
+                        is_glossy && payload == Payload::Occlusion
+                    } else {
+                        is_glossy || payload != Payload::Occlusion
+                    };
+                    if is_near && is_same {
                         continue;
                     }
                     let name = name_of(

@@ -102,6 +102,16 @@ impl HitResolverSettings {
         }
     }
 
+    /// The same for light that glossy receivers reflect, which has edges where the surface has none: neighbours whose means
+    /// differ by more than their noise hardly count. Measured in three scenes at 40 rays; a smaller clamp blurs less, and leaves
+    /// more noise where small lamps alone shine.
+    pub fn for_glossy_light(rays_per_pixel: u32) -> Self {
+        Self {
+            variance_clamp: 4.0,
+            ..Self::for_light(rays_per_pixel)
+        }
+    }
+
     /// The same for what an environment sends, [`Payload::Sky`](crate::Payload::Sky), where a small sun's shadow may end within
     /// a pixel: neighbours whose means differ by more than their noise hardly count. Measured in three scenes under two skies.
     pub fn for_environment(rays_per_pixel: u32) -> Self {

@@ -8,7 +8,7 @@ use wgpu::{BufferUsages, CommandEncoder, ComputePipeline, Device};
 
 use self::{params::RayBudgetParams, settings::RayBudgetSettings, view::RayBudgetView};
 use crate::{
-    bounced_z_buffer::view::BouncedView,
+    bounced_z_buffer::{descriptor::NEEDED_FOR_MORE, view::BouncedView},
     effect::Listing,
     error::Error,
     gpu::{
@@ -193,7 +193,7 @@ impl RayBudget {
             return Err(Error::Mismatch {
                 name: "RayBudgetInput::hits",
                 found: format!("{:?}", hits.descriptor),
-                needed: "BouncedDescriptor::counted, and Sampling::Cosine".into(),
+                needed: NEEDED_FOR_MORE.into(),
             });
         }
         for (name, size) in [

@@ -21,8 +21,8 @@ impl Quality {
     /// Each of them, from the fastest.
     pub const ALL: [Self; 3] = [Self::Fast, Self::Balanced, Self::Accurate];
 
-    /// Rays per pixel, and the filter that suits them, for diffuse receivers. Of glossy ones rays are
-    /// [everywhere](RaySettings::everywhere) alike.
+    /// Rays per pixel, and the filter that suits them, for diffuse receivers; [`RaySettings::for_glossy`] has that of glossy
+    /// ones.
     pub fn rays(self, payload: Payload) -> RaySettings {
         // Occlusion gains nothing by rays that go where noise is: it is nearly the same everywhere.
         if matches!(payload, Payload::Occlusion | Payload::Sky) {
@@ -71,7 +71,7 @@ impl Quality {
 pub struct RaySettings {
     /// As [`BouncedSettings::rays_per_pixel`], 0…64.
     pub rays_per_pixel: u32,
-    /// Further rays, for those pixels that are noisiest, if any; not for glossy receivers.
+    /// Further rays, for those pixels that are noisiest, if any.
     pub further: Option<RayBudgetSettings>,
     /// The filter.
     pub filter: HitResolverSettings,
@@ -104,6 +104,15 @@ impl RaySettings {
                 ..RayBudgetSettings::default()
             }),
             ..Self::new(all, payload)
+        }
+    }
+
+    /// As many rays, and the filter that suits them where receivers are glossy.
+    #[must_use]
+    pub fn for_glossy(self) -> Self {
+        Self {
+            filter: HitResolverSettings::for_glossy_light(self.all_rays().round() as u32),
+            ..self
         }
     }
 

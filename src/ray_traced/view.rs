@@ -25,7 +25,7 @@ use crate::{
         HitEstimateInput, HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverView,
         settings::HitResolverSettings,
     },
-    ray_budget::{RayBudget, RayBudgetInput, view::RayBudgetView},
+    ray_budget::{RayBudget, RayBudgetInput, settings::RayBudgetSettings, view::RayBudgetView},
     receivers::{FrameInput, GBufferDecoder, Receivers, plane_bytes, plane_for},
     recorded::never,
     temporal_accumulator::{
@@ -135,7 +135,7 @@ impl RayTracedViewDescriptor {
         Self {
             effect,
             rays: match effect.sampling() {
-                Sampling::Glossy => rays.everywhere(),
+                Sampling::Glossy => rays.for_glossy(),
                 Sampling::Cosine | Sampling::Uniform => rays,
             },
             primitives: Primitives::default(),
@@ -600,18 +600,9 @@ impl RayTracedView {
 fn check_rays(effect: &RayTracedEffect, rays: &RaySettings) -> Result<(), Error> {
     settings_of(effect, rays, 0).validate()?;
     rays.filter.validate()?;
-    let Some(further) = &rays.further else {
-        return Ok(());
-    };
-    further.validate()?;
-    if effect.sampling() == Sampling::Cosine {
-        return Ok(());
-    }
-    Err(Error::Mismatch {
-        name: "RaySettings::further",
-        found: format!("further rays for {effect:?}"),
-        needed: "none, for glossy receivers".into(),
-    })
+    rays.further
+        .as_ref()
+        .map_or(Ok(()), RayBudgetSettings::validate)
 }
 
 /// Whether frames are joined before they are filtered, which occlusion gains nothing by.

@@ -125,10 +125,22 @@ impl Lobe {
         (light.z * (self.view.z + v) / (light.z * v + self.view.z * l)).min(1.0)
     }
 
-    /// Fresnel's factor (Schlick 1994), of the reflectance straight on and a facet.
+    /// Fresnel's factor (Schlick 1994) of a facet, without the reflectance straight on: how much of the way it is from that to 1.
+    pub fn schlick_power(&self, facet: DVec3) -> f64 {
+        (1.0 - self.view.dot(facet)).clamp(0.0, 1.0).powi(5)
+    }
+
+    /// The factor itself, of the reflectance straight on and a facet.
     pub fn schlick(&self, f0: DVec3, facet: DVec3) -> DVec3 {
-        let m = (1.0 - self.view.dot(facet)).clamp(0.0, 1.0);
-        f0 + (1.0 - f0) * m.powi(5)
+        f0 + (1.0 - f0) * self.schlick_power(facet)
+    }
+
+    /// What the lobe sends on of a direction's radiance: the share that counts as much as the reflectance straight on, and the
+    /// share that does so whatever that is.
+    pub fn shares(&self, drawn: &GlossyDirection) -> [f64; 2] {
+        let share = self.share(drawn.light);
+        let power = self.schlick_power(drawn.facet);
+        [share * (1.0 - power), share * power]
     }
 
     /// What the lobe sends on of the radiance along one of its own directions, or a neighbour's: `mirrored` of

@@ -114,11 +114,16 @@ impl HitResolution<'_> {
                 let mut mean = sum * per_weight;
                 let spread = (squares * per_weight - luminance(mean) * luminance(mean)).max(0.0);
                 let mut rays = rays_per_pixel as f64;
+                let mut apart = 0.0;
                 if let Some(own) = counts
                     && own.rays as usize > rays_per_pixel
                 {
+                    let first = rays_per_pixel as f64;
                     rays = f64::from(own.rays);
-                    mean = (sum + own.sum) / rays;
+                    let all = (sum + own.sum) / rays;
+                    let off = luminance(all) - luminance(mean);
+                    apart = off * off * first / (rays - first);
+                    mean = all;
                 }
                 let whole = match self.payload {
                     Payload::Occlusion => 1.0,
@@ -127,7 +132,7 @@ impl HitResolution<'_> {
                 let chance = 0.5 * whole / rays;
                 Mean {
                     mean,
-                    variance: 0.5 * spread / rays + chance * chance,
+                    variance: 0.5 * f64::max(spread / rays, apart) + chance * chance,
                 }
             })
             .collect()

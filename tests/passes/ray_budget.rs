@@ -229,6 +229,8 @@ fn further_rays_are_the_mirrors() {
         ..Plan::new(Payload::Occlusion, rays(4))
     };
     plan.traced.radius = 1.5;
+    // The variance is in the picture then.
+    plan.filter.variance_clamp = 3.0;
     let taken = take(&shot, &senders, &plan);
     let first = incoming(&taken, &plan);
     let mut mirror = HitResolution {

@@ -90,11 +90,16 @@ fn glossy_share(lobe: Lobe, light: vec3f) -> f32 {
   return min(light.z * (lobe.view.z + v) / (light.z * v + lobe.view.z * l), 1.0);
 }
 
-// Fresnel's factor (Schlick 1994), of the reflectance straight on and a facet.
-fn schlick(f0: vec3f, lobe: Lobe, facet: vec3f) -> vec3f {
+// Fresnel's factor (Schlick 1994) of a facet, without the reflectance straight on: how much of the way it is from that to 1.
+fn schlick_power(lobe: Lobe, facet: vec3f) -> f32 {
   let m = clamp(1.0 - dot(lobe.view, facet), 0.0, 1.0);
   let m2 = m * m;
-  return f0 + (1.0 - f0) * (m2 * m2 * m);
+  return m2 * m2 * m;
+}
+
+// The factor itself, of the reflectance straight on and a facet.
+fn schlick(f0: vec3f, lobe: Lobe, facet: vec3f) -> vec3f {
+  return f0 + (1.0 - f0) * schlick_power(lobe, facet);
 }
 
 // How much two pixels' lobes overlap, 0...1: the Bhattacharyya coefficient of normal distributions about their mirrored

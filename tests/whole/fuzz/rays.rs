@@ -50,7 +50,10 @@ fn descriptor(case: &mut Case<'_>) -> BouncedDescriptor {
         pieces(Payload::Radiance, Sampling::Uniform),
         pieces(Payload::Radiance, Sampling::Glossy),
         pieces(Payload::LitRadiance, Sampling::Cosine),
-        pieces(Payload::LitRadiance, Sampling::Glossy),
+        BouncedDescriptor {
+            counted: true,
+            ..pieces(Payload::LitRadiance, Sampling::Glossy)
+        },
         pieces(Payload::LitAndGathered, Sampling::Cosine),
         disks(Payload::Occlusion, 1),
         disks(Payload::Radiance, 5),
