@@ -144,17 +144,18 @@ pub struct NearFieldView {
     effect: Wired,
     target: TextureFormat,
     masks: Option<Masks>,
+    /// Of the depth, for obscurance by areas.
+    moments: Option<DepthMoments>,
 }
 
 /// An effect with its pass.
 #[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "one for each view")]
 enum Wired {
     Obscurance {
         pass: VolumetricObscurance,
         descriptor: VolumetricObscuranceDescriptor,
         settings: ObscuranceSettings,
-        /// Of the depth, for what samples areas.
-        moments: Option<DepthMoments>,
     },
     SoftShadows(SoftShadows, SoftShadowsSettings),
     ScreenSpaceGi(ScreenSpaceGi, ScreenSpaceGiSettings),
@@ -224,7 +225,6 @@ impl NearFieldView {
                 pass: VolumetricObscurance::new(compiler, &descriptor)?,
                 descriptor,
                 settings,
-                moments: None,
             },
             NearFieldEffect::SoftShadows(settings) => {
                 Wired::SoftShadows(SoftShadows::new(compiler)?, settings)
@@ -237,6 +237,7 @@ impl NearFieldView {
             effect,
             target,
             masks,
+            moments: None,
         })
     }
 
@@ -287,11 +288,13 @@ impl NearFieldView {
         input: &NearFieldInput<'_>,
     ) -> Result<(), Error> {
         self.check(input)?;
-        self.effect.record_moments(device, encoder, input)?;
+        self.record_moments(device, encoder, input)?;
+        let moments = self.moments.as_ref();
         let Some(masks) = &mut self.masks else {
+            let at_all = (moments, None);
             return self
                 .effect
-                .record(device, encoder, input, None, input.target);
+                .record(device, encoder, input, at_all, input.target);
         };
         let Masks {
             settings,
@@ -336,7 +339,7 @@ impl NearFieldView {
         for work in masks.works() {
             if let Some(image) = images.level(work.level) {
                 self.effect
-                    .record(device, encoder, input, Some(work), image.into())?;
+                    .record(device, encoder, input, (moments, Some(work)), image.into())?;
             }
         }
         let blended = MultiResReconstructorInput::new(
@@ -353,13 +356,7 @@ impl NearFieldView {
     /// GPU memory that it owns, bytes: nothing before the first recording, nor ever of obscurance by points or lines at every
     /// pixel and of what else needs no masks.
     pub fn memory_bytes(&self) -> u64 {
-        let moments = match &self.effect {
-            Wired::Obscurance {
-                moments: Some(moments),
-                ..
-            } => moments.memory_bytes(),
-            _ => 0,
-        };
+        let moments = self.moments.as_ref().map_or(0, DepthMoments::memory_bytes);
         let room = self.masks.as_ref().and_then(|masks| masks.room.as_ref());
         moments
             + room.map_or(0, |room| {
@@ -368,6 +365,29 @@ impl NearFieldView {
                     + room.images.memory_bytes()
                     + room.hard.as_ref().map_or(0, hard)
             })
+    }
+
+    /// The depth's moments, for obscurance by areas.
+    fn record_moments(
+        &mut self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        input: &NearFieldInput<'_>,
+    ) -> Result<(), Error> {
+        let Wired::Obscurance { pass, .. } = &self.effect else {
+            return Ok(());
+        };
+        if !pass.reads_moments() {
+            return Ok(());
+        }
+        let Viewport { width, height, .. } = input.camera.viewport();
+        let moments = match self.moments.take() {
+            Some(moments) if moments.size == [width, height] => moments,
+            _ => pass.create_moments(device, width, height)?,
+        };
+        let moments = self.moments.insert(moments);
+        let depth = input.gbuffer.depth;
+        pass.record_moments(device, encoder, depth, input.camera, moments, None)
     }
 
     /// What the passes would find only after others were recorded.
@@ -414,34 +434,6 @@ impl NearFieldView {
 }
 
 impl Wired {
-    /// The depth's moments, for obscurance by areas.
-    fn record_moments(
-        &mut self,
-        device: &Device,
-        encoder: &mut CommandEncoder,
-        input: &NearFieldInput<'_>,
-    ) -> Result<(), Error> {
-        let Self::Obscurance {
-            pass, moments: own, ..
-        } = self
-        else {
-            return Ok(());
-        };
-        if !pass.reads_moments() {
-            return Ok(());
-        }
-        let Viewport { width, height, .. } = input.camera.viewport();
-        let moments = match own {
-            Some(moments) if moments.size == [width, height] => moments,
-            _ => {
-                *own = None;
-                own.insert(pass.create_moments(device, width, height)?)
-            }
-        };
-        let depth = input.gbuffer.depth;
-        pass.record_moments(device, encoder, depth, input.camera, moments, None)
-    }
-
     /// Shadows of the same light without an extent.
     fn record_hard_shadows(
         &self,
@@ -464,25 +456,17 @@ impl Wired {
         device: &Device,
         encoder: &mut CommandEncoder,
         input: &NearFieldInput<'_>,
-        work: Option<PixelList<'_>>,
+        (moments, work): (Option<&DepthMoments>, Option<PixelList<'_>>),
         target: TextureSlice<'_>,
     ) -> Result<(), Error> {
         let NearFieldInput {
             gbuffer, camera, ..
         } = *input;
         match (self, input.source) {
-            (
-                Self::Obscurance {
-                    pass,
-                    settings,
-                    moments,
-                    ..
-                },
-                _,
-            ) => {
+            (Self::Obscurance { pass, settings, .. }, _) => {
                 let obscured = ObscuranceInput {
                     normals: Some(gbuffer.normals()),
-                    moments: moments.as_ref(),
+                    moments,
                     work,
                     ..ObscuranceInput::new(gbuffer.depth, camera, target)
                 };
