@@ -52,6 +52,8 @@ pub struct Frames {
     light: Option<RayTracedView>,
     composite: Composite,
     targets: Option<Targets>,
+    /// Whether the targets are this frame's: where nothing is drawn, nothing is submitted.
+    is_current: bool,
     /// What became of the last frame.
     pub status: Result<(), Error>,
 }
@@ -93,6 +95,7 @@ impl Frames {
             light: light.map(|effect| view(effect, LIGHT)).transpose()?,
             composite: Composite::new(&context),
             targets: None,
+            is_current: false,
             status: Ok(()),
         })
     }
@@ -105,6 +108,7 @@ impl Frames {
     /// Forgets what was prepared, as a frame begins.
     pub fn begin(&mut self) {
         self.prepared = None;
+        self.is_current = false;
     }
 
     /// Takes up the camera and the lights, before the first object. Where the occlusion of the frame will be.
@@ -166,6 +170,7 @@ impl Frames {
             }
         }
         context.submit([encoder.finish()]);
+        self.is_current = true;
     }
 
     fn record(
@@ -234,7 +239,7 @@ impl Frames {
 
     /// Adds the frame's light to kiss3d's film.
     pub fn add_light(&self, pass: &mut wgpu::RenderPass<'_>, samples: u32) {
-        let targets = self.targets.as_ref();
+        let targets = self.targets.as_ref().filter(|_| self.is_current);
         if let Some((_, group)) = targets.and_then(|targets| targets.light.as_ref()) {
             self.composite.draw(pass, group, samples);
         }

@@ -103,6 +103,11 @@ fn pictures_with_and_without() {
     assert_eq!(lighting.status(), Ok(()));
     assert!(gone.pixels().all(|p| p.0 == gone.get_pixel(0, 0).0));
     stage.nodes.set_position(Vec3::ZERO);
+    // And hidden nothing is drawn at all, light of the frame before included.
+    stage.nodes.set_visible(false);
+    let hidden = stage.picture(Some(&mut lighting));
+    assert_eq!(share_beyond(&hidden, &gone, 0), 0.0);
+    stage.nodes.set_visible(true);
     let back = stage.picture(Some(&mut lighting));
     // The same work on the same machine.
     assert_eq!(share_beyond(&back, &with, 0), 0.0);
