@@ -172,7 +172,7 @@ impl Camera {
         Ok(camera)
     }
 
-    /// The same from plain arrays, column by column, for engines on another version of [`glam`], or on none.
+    /// The same from plain arrays of f64 or f32, column by column, for engines on another version of [`glam`], or on none.
     ///
     /// ```
     /// use deep_screen_space::{Camera, Viewport};
@@ -189,12 +189,13 @@ impl Camera {
     ///
     /// # Errors
     /// As [`Camera::new`].
-    pub fn from_arrays(
-        view: [[f64; 4]; 4],
-        projection: [[f64; 4]; 4],
+    pub fn from_arrays<T: Into<f64>>(
+        view: [[T; 4]; 4],
+        projection: [[T; 4]; 4],
         viewport: Viewport,
     ) -> Result<Self, Error> {
-        let [view, projection] = [view, projection].map(|m| DMat4::from_cols_array_2d(&m));
+        let [view, projection] = [view, projection]
+            .map(|m| DMat4::from_cols_array_2d(&m.map(|column| column.map(Into::into))));
         Self::new(view, projection, viewport)
     }
 

@@ -243,6 +243,12 @@ fn arrays_are_matrices() {
         Camera::from_arrays(arrays[0], arrays[1], viewport),
         Camera::new(view, projection, viewport)
     );
+    let singles = [view, projection].map(|m| m.as_mat4());
+    let of_singles = singles.map(|m| m.to_cols_array_2d());
+    assert_eq!(
+        Camera::from_arrays(of_singles[0], of_singles[1], viewport),
+        Camera::new(singles[0].as_dmat4(), singles[1].as_dmat4(), viewport)
+    );
     let flat = [[0.0; 4]; 4];
     assert!(matches!(
         Camera::from_arrays(arrays[0], flat, viewport),
