@@ -183,12 +183,34 @@ impl Raster {
 
     /// Draws a scene for a camera that fills its texture, with reversed depth.
     pub fn draw(gpu: &Gpu, scene: &SceneBuffers, camera: &Camera) -> Self {
-        let device = &gpu.device;
         let viewport = camera.viewport();
-        let (width, height) = (viewport.width, viewport.height);
-        let depth = gpu.target(wgpu::TextureFormat::Depth32Float, width, height);
-        let normal = gpu.target(wgpu::TextureFormat::Rgba32Float, width, height);
-        let albedo = gpu.target(ALBEDO, width, height);
+        let raster = Self::new(gpu, [viewport.width, viewport.height]);
+        let mut encoder = gpu.encoder();
+        Rasterizer::new(gpu, scene).record(gpu, &mut encoder, (scene, camera), &raster);
+        gpu.finish(encoder);
+        raster
+    }
+
+    /// Empty textures.
+    pub fn new(gpu: &Gpu, [width, height]: [u32; 2]) -> Self {
+        Self {
+            depth: gpu.target(wgpu::TextureFormat::Depth32Float, width, height),
+            normal: gpu.target(wgpu::TextureFormat::Rgba32Float, width, height),
+            albedo: gpu.target(ALBEDO, width, height),
+        }
+    }
+}
+
+/// What draws a scene, as often as one likes.
+pub struct Rasterizer {
+    layout: wgpu::BindGroupLayout,
+    pipeline: wgpu::RenderPipeline,
+    cut: Option<Cut>,
+}
+
+impl Rasterizer {
+    pub fn new(gpu: &Gpu, scene: &SceneBuffers) -> Self {
+        let device = &gpu.device;
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: None,
             entries: &[
@@ -279,11 +301,25 @@ impl Raster {
             multiview_mask: None,
             cache: None,
         });
+        Self {
+            layout,
+            pipeline,
+            cut,
+        }
+    }
 
+    /// Draws the scene that it was made for, for a camera that fills the textures, with reversed depth.
+    pub fn record(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        (scene, camera): (&SceneBuffers, &Camera),
+        raster: &Raster,
+    ) {
         let uniform = gpu.buffer(&view_uniform(camera), wgpu::BufferUsages::UNIFORM);
-        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,
-            layout: &layout,
+            layout: &self.layout,
             entries: &[
                 wgpu::BindGroupEntry {
                     binding: 0,
@@ -295,10 +331,9 @@ impl Raster {
                 },
             ],
         });
-        let mut encoder = gpu.encoder();
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("gbuffer"),
-            color_attachments: &[&normal, &albedo].map(|view| {
+            color_attachments: &[&raster.normal, &raster.albedo].map(|view| {
                 Some(wgpu::RenderPassColorAttachment {
                     view,
                     depth_slice: None,
@@ -310,7 +345,7 @@ impl Raster {
                 })
             }),
             depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                view: &depth,
+                view: &raster.depth,
                 depth_ops: Some(wgpu::Operations {
                     load: wgpu::LoadOp::Clear(0.0),
                     store: wgpu::StoreOp::Store,
@@ -319,9 +354,9 @@ impl Raster {
             }),
             ..Default::default()
         });
-        pass.set_pipeline(&pipeline);
+        pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &group, &[]);
-        if let Some(cut) = &cut {
+        if let Some(cut) = &self.cut {
             pass.set_bind_group(1, &cut.group, &[]);
         }
         for run in &scene.runs {
@@ -335,13 +370,6 @@ impl Raster {
                 let end = part.first_index + part.index_count;
                 pass.draw_indexed(part.first_index..end, 0, part.material..part.material + 1);
             }
-        }
-        drop(pass);
-        gpu.finish(encoder);
-        Self {
-            depth,
-            normal,
-            albedo,
         }
     }
 }
