@@ -29,7 +29,7 @@ use crate::{
     Options,
     display::{Arrangement, Display, Shown, Side},
     flight::{Flight, Pose, Way},
-    panel::{Action, Facts, Moves, Panel, TruthFacts},
+    panel::{Action, Facts, Motion, Panel, TruthFacts},
     place::Place,
     planning::{Planning, Wish},
     script::{Script, Step},
@@ -397,7 +397,7 @@ impl State {
 
     /// The box's place, if there is one.
     fn rounds(&self) -> Option<f32> {
-        (self.panel.moves != Moves::Away).then_some(self.rounds)
+        (self.panel.moves != Motion::Away).then_some(self.rounds)
     }
 
     /// A frame. False after the last.
@@ -416,7 +416,7 @@ impl State {
         };
         self.last = now;
         self.flight.advance(seconds);
-        if self.panel.moves == Moves::Moves {
+        if self.panel.moves == Motion::Moving {
             self.rounds = (self.rounds + 0.1 * seconds.min(0.2) as f32) % 1.0;
         }
         self.arrive();
@@ -436,7 +436,7 @@ impl State {
         let waits = self.loading.is_some()
             || self.planning.is_calibrating()
             || (self.truth.is_asked() && self.answer.rays < self.panel.truth_rays);
-        let moving = self.flight.is_moving() || self.panel.moves == Moves::Moves;
+        let moving = self.flight.is_moving() || self.panel.moves == Motion::Moving;
         let delay = if moving || !resting || self.script.is_some() {
             Duration::ZERO
         } else if waits {
@@ -445,7 +445,7 @@ impl State {
             delay
         };
         // As good as never.
-        let never = Duration::from_secs(3600);
+        let never = Duration::from_hours(1);
         self.next = Instant::now() + delay.min(never);
         Ok(true)
     }
@@ -586,7 +586,7 @@ impl State {
     fn trace(&mut self) {
         let wanted = self.panel.shown != Shown::Picture
             && self.panel.looks[0].has_truth()
-            && self.panel.moves != Moves::Moves
+            && self.panel.moves != Motion::Moving
             && !self.flight.is_moving()
             && self.drag != Some(Drag::Turn);
         let Some(place) = self.place.clone().filter(|_| wanted) else {
@@ -864,10 +864,15 @@ impl State {
             .map(String::as_str)
             .chain(self.message.as_deref())
             .collect();
+        let picture = self.sides.passes(0).map(|passes| {
+            let picture = read_image(&self.gpu, passes.target().texture());
+            let values = picture.as_flattened();
+            values.iter().map(|v| v.abs()).sum::<f32>() / values.len() as f32
+        });
         let rmse = self.off.off.map(|off| off.map_or(-1.0, |off| off.rmse));
         println!(
             "report size={width}x{height} eye={:.4},{:.4},{:.4} stages={} ms={:.3} memory={memory} rays={} rmse={:.5},{:.5} \
-             method={} said={}",
+             method={} mean={:.4} said={}",
             eye.x,
             eye.y,
             eye.z,
@@ -877,6 +882,7 @@ impl State {
             rmse[0],
             rmse[1],
             self.panel.looks[0].method.short(),
+            picture.unwrap_or(0.0),
             problems.join("; ")
         );
     }

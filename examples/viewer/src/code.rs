@@ -1,5 +1,7 @@
 //! The settings of a side as Rust.
 
+use std::fmt::Write;
+
 use deep_screen_space::{Bounces, Overlap};
 
 use crate::{
@@ -41,12 +43,14 @@ fn deeper(text: &str) -> String {
 }
 
 fn rays(look: &Look) -> String {
+    // Writing to a string does not fail.
     let mut text = format!("let effect = {};\n", effect(look));
     let further = look.rays.further.as_ref();
     let further = further.map_or("None".into(), |settings| {
         format!("Some({})", deeper(&rust(settings)))
     });
-    text += &format!(
+    let _ = write!(
+        text,
         "let rays = RaySettings {{\n    rays_per_pixel: {},\n    further: {further},\n    filter: {},\n}};\n",
         look.rays.rays_per_pixel,
         deeper(&rust(&look.rays.filter)),
@@ -62,7 +66,8 @@ fn rays(look: &Look) -> String {
             Bounces::OverFrames => "Bounces::OverFrames".into(),
         };
         let gatherer = bounces.gatherer;
-        text += &format!(
+        let _ = write!(
+            text,
             "let bounces = BounceSettings {{\n    bounces: {how},\n    radius_pixels: {},\n    samples: {},\n    gatherer: \
              SurfelGathererSettings {{\n        rays_per_surfel: {},\n        backs: {},\n        most_albedo: {},\n        \
              ..SurfelGathererSettings::default()\n    }},\n}};\n",
@@ -73,7 +78,8 @@ fn rays(look: &Look) -> String {
             number(gatherer.most_albedo),
         );
     }
-    text += &format!(
+    let _ = write!(
+        text,
         "let descriptor = RayTracedViewDescriptor {{\n    rays,\n    temporal: {temporal},\n    further_bounces: {},\n    \
          ..RayTracedViewDescriptor::new(effect, Quality::Balanced, target)\n}};\n",
         bounces.is_some(),

@@ -25,12 +25,12 @@ use crate::{
 
 /// What the moving object does.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Moves {
+pub enum Motion {
     /// There is none.
     #[default]
     Away,
-    Moves,
-    Rests,
+    Moving,
+    Resting,
 }
 
 /// What a button asks for that is not a setting.
@@ -57,7 +57,7 @@ pub struct Panel {
     pub exposure: f32,
     /// Pixels of the picture in one of the window, along a side.
     pub scale: f32,
-    pub moves: Moves,
+    pub moves: Motion,
     pub truth_rays: u32,
     pub wish: Wish,
     /// The value that the wish last had, of an error and of a time.
@@ -113,7 +113,7 @@ impl Panel {
             gain: 4.0,
             exposure: 1.0,
             scale: if is_software { 0.5 } else { 1.0 },
-            moves: Moves::Away,
+            moves: Motion::Away,
             truth_rays: 256,
             wish: Wish::Free,
             wishes: [0.03, 50.0],
@@ -232,9 +232,9 @@ impl Panel {
             ui.horizontal(|ui| {
                 ui.label("A box");
                 for (moves, name) in [
-                    (Moves::Away, "away"),
-                    (Moves::Moves, "moves"),
-                    (Moves::Rests, "rests"),
+                    (Motion::Away, "away"),
+                    (Motion::Moving, "moves"),
+                    (Motion::Resting, "rests"),
                 ] {
                     ui.selectable_value(&mut self.moves, moves, name);
                 }
@@ -307,56 +307,58 @@ impl Panel {
     }
 
     fn truth(&mut self, ui: &mut Ui, facts: &Facts<'_>) {
-        CollapsingHeader::new("Beside traced rays").show(ui, |ui| {
-            ui.horizontal(|ui| {
-                for (shown, name) in [
-                    (Shown::Picture, "picture"),
-                    (Shown::Error, "its error"),
-                    (Shown::Truth, "the truth"),
-                ] {
-                    ui.selectable_value(&mut self.shown, shown, name);
+        CollapsingHeader::new("Beside traced rays")
+            .default_open(true)
+            .show(ui, |ui| {
+                ui.horizontal(|ui| {
+                    for (shown, name) in [
+                        (Shown::Picture, "picture"),
+                        (Shown::Error, "its error"),
+                        (Shown::Truth, "the truth"),
+                    ] {
+                        ui.selectable_value(&mut self.shown, shown, name);
+                    }
+                });
+                ui.add(
+                    Slider::new(&mut self.truth_rays, 1..=4096)
+                        .logarithmic(true)
+                        .text("rays per pixel"),
+                );
+                if self.shown == Shown::Picture {
+                    return;
+                }
+                if !self.looks[0].has_truth() {
+                    ui.label("Rays have nothing to say of this effect, or of this sky.");
+                    return;
+                }
+                if self.shown == Shown::Error {
+                    ui.add(
+                        Slider::new(&mut self.gain, 0.5..=64.0)
+                            .logarithmic(true)
+                            .text("errors shown times"),
+                    );
+                }
+                if self.moves == Motion::Moving {
+                    ui.label("Known once the box rests.");
+                    return;
+                }
+                let truth = &facts.truth;
+                if let Some(problem) = &truth.problem {
+                    ui.colored_label(ui.visuals().error_fg_color, problem);
+                }
+                if let Some(progress) = truth.progress {
+                    let text = format!("{} rays per pixel", truth.rays);
+                    ui.add(ProgressBar::new(progress).text(text));
+                }
+                for (name, off) in ["A", "B"].iter().zip(&truth.off) {
+                    if let Some(off) = off {
+                        ui.label(format!(
+                            "{name}: RMSE {:.4}, bias {:+.4}, mean {:.4}",
+                            off.rmse, off.bias, off.mean
+                        ));
+                    }
                 }
             });
-            ui.add(
-                Slider::new(&mut self.truth_rays, 1..=4096)
-                    .logarithmic(true)
-                    .text("rays per pixel"),
-            );
-            if self.shown == Shown::Picture {
-                return;
-            }
-            if !self.looks[0].has_truth() {
-                ui.label("Rays have nothing to say of this effect, or of this sky.");
-                return;
-            }
-            if self.shown == Shown::Error {
-                ui.add(
-                    Slider::new(&mut self.gain, 0.5..=64.0)
-                        .logarithmic(true)
-                        .text("errors shown times"),
-                );
-            }
-            if self.moves == Moves::Moves {
-                ui.label("Known once the box rests.");
-                return;
-            }
-            let truth = &facts.truth;
-            if let Some(problem) = &truth.problem {
-                ui.colored_label(ui.visuals().error_fg_color, problem);
-            }
-            if let Some(progress) = truth.progress {
-                let text = format!("{} rays per pixel", truth.rays);
-                ui.add(ProgressBar::new(progress).text(text));
-            }
-            for (name, off) in ["A", "B"].iter().zip(&truth.off) {
-                if let Some(off) = off {
-                    ui.label(format!(
-                        "{name}: RMSE {:.4}, bias {:+.4}, mean {:.4}",
-                        off.rmse, off.bias, off.mean
-                    ));
-                }
-            }
-        });
     }
 
     fn plan(&mut self, ui: &mut Ui, facts: &Facts<'_>, actions: &mut Vec<Action>) {

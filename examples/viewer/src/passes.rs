@@ -63,17 +63,20 @@ enum Kind {
     },
     Obscurance(VolumetricObscurance),
     Shadows(SoftShadows),
-    Screen {
-        pass: ScreenSpaceGi,
-        shadows: SoftShadows,
-        illuminator: Illuminator,
-        visible: TextureView,
-        lit: TextureView,
-    },
+    Screen(Box<Screen>),
     Hull {
         renderer: Box<HullRenderer>,
         lights: GathererBinding,
     },
+}
+
+/// Light of what is on screen, and what lights that.
+struct Screen {
+    pass: ScreenSpaceGi,
+    shadows: SoftShadows,
+    illuminator: Illuminator,
+    visible: TextureView,
+    lit: TextureView,
 }
 
 impl Passes {
@@ -86,13 +89,13 @@ impl Passes {
             Method::Splats => splats(gpu, place, look, size)?,
             Method::Depths => match look.effect {
                 Effect::SoftShadows => Kind::Shadows(SoftShadows::new(&gpu.device)?),
-                Effect::IndirectDiffuse => Kind::Screen {
+                Effect::IndirectDiffuse => Kind::Screen(Box::new(Screen {
                     pass: ScreenSpaceGi::new(&gpu.device)?,
                     shadows: SoftShadows::new(&gpu.device)?,
                     illuminator: Illuminator::new(gpu),
                     visible: gpu.storage(TextureFormat::R32Float, width, height),
                     lit: gpu.storage(TextureFormat::Rgba16Float, width, height),
-                },
+                })),
                 _ => {
                     let descriptor = VolumetricObscuranceDescriptor {
                         sampling: look.sampling,
@@ -118,7 +121,7 @@ impl Passes {
             Kind::Obscurance(_) | Kind::Shadows(_) => {
                 gpu.storage(TextureFormat::R32Float, width, height)
             }
-            Kind::Screen { .. } => gpu.storage(TextureFormat::Rgba16Float, width, height),
+            Kind::Screen(_) => gpu.storage(TextureFormat::Rgba16Float, width, height),
             Kind::Hull { renderer, .. } => renderer.target.clone(),
         };
         Ok(Self {
@@ -141,10 +144,11 @@ impl Passes {
             Kind::Obscurance(_) | Kind::Shadows(_) => {
                 self.target = gpu.storage(format, width, height);
             }
-            Kind::Screen { visible, lit, .. } => {
+            Kind::Screen(screen) => {
                 self.target = gpu.storage(format, width, height);
-                *visible = gpu.storage(visible.texture().format(), width, height);
-                *lit = gpu.storage(lit.texture().format(), width, height);
+                for view in [&mut screen.visible, &mut screen.lit] {
+                    *view = gpu.storage(view.texture().format(), width, height);
+                }
             }
             Kind::Splats { .. } | Kind::Hull { .. } => return false,
         }
@@ -194,7 +198,7 @@ impl Passes {
             }
             Kind::Splats { renderer, .. } => renderer.memory_bytes(),
             Kind::Hull { renderer, .. } => renderer.view.memory_bytes(),
-            Kind::Obscurance(_) | Kind::Shadows(_) | Kind::Screen { .. } => 0,
+            Kind::Obscurance(_) | Kind::Shadows(_) | Kind::Screen(_) => 0,
         }
     }
 
@@ -261,14 +265,22 @@ impl Passes {
                     }
                     None => (&place.buffers, raster),
                 };
-                let lit = look.is_lit() || look.effect == Effect::SubsurfaceScattering;
+                let is_body = look.effect == Effect::SubsurfaceScattering;
+                let lit = look.is_lit() || is_body;
+                // Of a body's materials nothing shines: without another light it has the lamp that casts shadows.
+                let lamp = [scenery.lamp.light];
+                let lights = if is_body && place.lights.is_empty() {
+                    &lamp[..]
+                } else {
+                    &place.lights[..]
+                };
                 let subject = Subject {
                     raster,
                     meshes: &buffers.meshes(),
                     camera,
                     lamps: lit.then_some(Lamps {
                         materials: &buffers.materials,
-                        lights: &place.lights,
+                        lights,
                     }),
                 };
                 renderer.record(gpu, stages, &subject, &splats)
@@ -293,13 +305,14 @@ impl Passes {
                 let settings = &look.shadows;
                 shadows(scenery, pass, settings, target, encoder)
             }),
-            Kind::Screen {
-                pass,
-                shadows: of_light,
-                illuminator,
-                visible,
-                lit,
-            } => {
+            Kind::Screen(screen) => {
+                let Screen {
+                    pass,
+                    shadows: of_light,
+                    illuminator,
+                    visible,
+                    lit,
+                } = &**screen;
                 stages.stage("light", |encoder| {
                     let hard = SoftShadowsSettings::hard();
                     shadows(scenery, of_light, &hard, visible.texture(), encoder)?;

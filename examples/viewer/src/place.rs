@@ -32,6 +32,9 @@ pub const NAMES: [&str; 8] = [
     "stress",
 ];
 
+/// The number of the next place.
+static NEXT: AtomicU64 = AtomicU64::new(0);
+
 /// A scene, and all that does not depend on where one is.
 pub struct Place {
     /// Another for each that is loaded.
@@ -119,9 +122,8 @@ impl Place {
         let error = |e: deep_screen_space::Error| format!("{name}: {e}");
         let light = lights.first().copied();
         let shadowed = light.unwrap_or_else(|| beside(eye, target, DVec3::Y));
-        static LAST: AtomicU64 = AtomicU64::new(0);
         Ok(Self {
-            id: LAST.fetch_add(1, Ordering::Relaxed),
+            id: NEXT.fetch_add(1, Ordering::Relaxed),
             name: name.to_owned(),
             rasterizer: Rasterizer::new(gpu, &buffers),
             lamp: ShadowedLight::new(gpu, &scene, &buffers, shadowed).map_err(error)?,

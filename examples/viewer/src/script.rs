@@ -12,7 +12,7 @@ use crate::{
     display::Shown,
     flight::Way,
     look::{Effect, Method},
-    panel::Moves,
+    panel::Motion,
     planning::Wish,
 };
 
@@ -26,7 +26,7 @@ pub enum Step {
     Split(f32),
     Scale(f32),
     Show(Shown),
-    Mover(Moves),
+    Mover(Motion),
     Key(Way, u32),
     Drag([f64; 2]),
     Resize([u32; 2]),
@@ -78,9 +78,9 @@ fn step(text: &str) -> Option<Step> {
         ["show", "picture"] => Step::Show(Shown::Picture),
         ["show", "error"] => Step::Show(Shown::Error),
         ["show", "truth"] => Step::Show(Shown::Truth),
-        ["mover", "away"] => Step::Mover(Moves::Away),
-        ["mover", "moves"] => Step::Mover(Moves::Moves),
-        ["mover", "rests"] => Step::Mover(Moves::Rests),
+        ["mover", "away"] => Step::Mover(Motion::Away),
+        ["mover", "moves"] => Step::Mover(Motion::Moving),
+        ["mover", "rests"] => Step::Mover(Motion::Resting),
         ["key", letter, frames] => Step::Key(
             Way::ALL.into_iter().find(|way| way.key() == letter)?,
             frames.parse().ok()?,

@@ -1,5 +1,7 @@
 //! What the panel has of each of the crate's structs of settings.
 
+use std::f32::consts::PI;
+
 use deep_screen_space::{
     BounceSettings, BouncedSettings, Error, HitResolverSettings, ObscuranceSettings,
     RayBudgetSettings, ReconstructorSettings, ScreenSpaceGiSettings, SgHullSettings,
@@ -160,7 +162,7 @@ settings!(SgHullSettings, Self::default(), "SgHullSettings::default()", [
     "How far off a neighbour's plane a pixel is still one surface with it.";
     "gap", "widths of the view", Kind::Number(ratios(0.001, 1.0), |s| &mut s.gap),
     "How far behind a neighbour.";
-    "normal_angle", "radians", Kind::Number(even(0.0, 3.14), |s| &mut s.normal_angle),
+    "normal_angle", "radians", Kind::Number(even(0.0, PI), |s| &mut s.normal_angle),
     "From which angle between normals on neighbours are two surfaces.";
 ]);
 

@@ -170,7 +170,7 @@ impl Sides {
         }
         let wants_lamp =
             |look: &&Look| look.method == Method::Depths && look.effect != Effect::AmbientOcclusion;
-        if rounds.is_some() && self.lamp.is_none() && accepted.iter().any(|l| wants_lamp(l)) {
+        if rounds.is_some() && self.lamp.is_none() && accepted.iter().any(wants_lamp) {
             let light = place.lamp.light;
             self.lamp = ShadowedLight::new(gpu, &place.scene, &place.buffers, light).ok();
         }

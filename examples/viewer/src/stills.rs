@@ -23,7 +23,7 @@ pub fn write(
     std::fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     let name = format!("{}-{}", look.effect.short(), look.method.short());
     let free = |n: &u32| !folder.join(format!("{name}-{n}.png")).exists();
-    let number = (1..).find(free).unwrap_or_default();
+    let number = (1..u32::MAX).find(free).unwrap_or_default();
     let path = |kind: &str| folder.join(format!("{name}-{number}.{kind}"));
     let texture = passes.target().texture();
     let (width, height) = (texture.width(), texture.height());

@@ -10,7 +10,7 @@ use winit::window::Window;
 pub struct Surface {
     instance: wgpu::Instance,
     window: Arc<Window>,
-    surface: wgpu::Surface<'static>,
+    shown: wgpu::Surface<'static>,
     config: wgpu::SurfaceConfiguration,
     /// Whether it has an extent.
     open: bool,
@@ -43,7 +43,7 @@ impl Surface {
         let mut opened = Self {
             instance,
             window: Arc::clone(window),
-            surface,
+            shown: surface,
             config,
             open: false,
         };
@@ -68,7 +68,7 @@ impl Surface {
             let most = gpu.device.limits().max_texture_dimension_2d;
             self.config.width = size.width.min(most);
             self.config.height = size.height.min(most);
-            self.surface.configure(&gpu.device, &self.config);
+            self.shown.configure(&gpu.device, &self.config);
         }
     }
 
@@ -79,7 +79,7 @@ impl Surface {
 
     /// What to draw the next frame to; `None` where there is none now, and the next one is to be tried.
     pub fn next(&mut self, gpu: &Gpu) -> Option<wgpu::SurfaceTexture> {
-        match self.surface.get_current_texture() {
+        match self.shown.get_current_texture() {
             wgpu::CurrentSurfaceTexture::Success(texture)
             | wgpu::CurrentSurfaceTexture::Suboptimal(texture) => Some(texture),
             wgpu::CurrentSurfaceTexture::Outdated => {
@@ -88,7 +88,7 @@ impl Surface {
             }
             wgpu::CurrentSurfaceTexture::Lost => {
                 if let Ok(surface) = self.instance.create_surface(Arc::clone(&self.window)) {
-                    self.surface = surface;
+                    self.shown = surface;
                     self.resize(gpu);
                 }
                 None
