@@ -1,5 +1,6 @@
 # shellcheck shell=bash
-# What the other scripts need of the machine: Rust, a linker, a Vulkan driver, a browser. Source it; it runs nothing by itself.
+# What the other scripts need of the machine: Rust, a linker, a Vulkan driver, a browser, an X server. Source it; it runs nothing
+# by itself.
 #
 # Whatever is there already is used as it is. What is missing comes from Debian's (or Ubuntu's) packages; anywhere else the
 # script says what to install. Each function says in one line, on standard error, what it found or did.
@@ -145,4 +146,16 @@ ensure_chromium() {
   [ -n "$browser" ] || fail "chromium is installed, but not on the PATH"
   say "Chromium: $browser"
   printf '%s\n' "$browser"
+}
+
+# Xvfb, an X server without a screen, and the libraries that a window loads when it opens.
+ensure_xvfb() {
+  local libraries
+  libraries=$(PATH="$PATH:/sbin:/usr/sbin" ldconfig -p 2>/dev/null || true)
+  case "$libraries" in
+    *libXcursor.so.1*libXi.so.6* | *libXi.so.6*libXcursor.so.1*)
+      case "$libraries" in *libxkbcommon-x11.so.0*) command -v Xvfb >/dev/null && return ;; esac
+      ;;
+  esac
+  apt_install xvfb libxkbcommon-x11-0 libxcursor1 libxi6 libxrandr2 libx11-xcb1
 }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use deep_screen_space::{Components, Light, SgHullSize, scenes::Scene};
+use deep_screen_space::{Components, SgHullSize, scenes::Scene};
 use serde_json::json;
 
 use super::{Options, view::Shot};
@@ -12,11 +12,7 @@ use support::{
     hull::{HullRenderer, LightSource, difference},
     raster::Raster,
     scene::SceneBuffers,
-    visible::near_of,
 };
-
-/// Degrees that the map of a point light covers, toward what the camera looks at.
-const MAP_DEGREES: f64 = 120.0;
 
 /// Writes `sg.exr`, `sg.png` and `stats.json`; with `--reference` the light gathered at every pixel too.
 pub fn render(gpu: &Gpu, options: &Options, scene: &Scene, shot: &Shot) -> Result<(), String> {
@@ -26,33 +22,8 @@ pub fn render(gpu: &Gpu, options: &Options, scene: &Scene, shot: &Shot) -> Resul
     let raster = Raster::draw(gpu, &buffers, &camera);
     let size = SgHullSize::new(shot.width, shot.height);
     let mut renderer = HullRenderer::new(gpu, size, Components::default()).map_err(error)?;
-    let lamp = match shot.lights.first() {
-        Some(Light::Directional {
-            direction,
-            irradiance,
-        }) => LightSource::sun(scene, *direction, *irradiance),
-        Some(
-            Light::Point {
-                position,
-                intensity,
-            }
-            | Light::Spot {
-                position,
-                intensity,
-                ..
-            },
-        ) => {
-            // From the target itself, on along the line of sight.
-            let target = match shot.target.distance(*position) {
-                0.0 => 2.0 * shot.target - shot.eye,
-                _ => shot.target,
-            };
-            let near = near_of(scene, *position, 1e-2 * target.distance(*position));
-            LightSource::spot([*position, target], near, MAP_DEGREES, *intensity)
-        }
-        None => LightSource::of(scene),
-    }
-    .map_err(error)?;
+    let looks = [shot.eye, shot.target];
+    let lamp = LightSource::seen(scene, shot.lights.first(), looks).map_err(error)?;
     let lights = renderer
         .lights(gpu, &buffers, &lamp, camera.eye())
         .map_err(error)?;

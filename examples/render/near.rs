@@ -1,6 +1,6 @@
 //! Effects of the near field, which read the G-buffer alone.
 
-use deep_screen_space::{CloudCapacity, Error, Light, SurfelCounts, scenes::Scene};
+use deep_screen_space::{CloudCapacity, Error, SurfelCounts, scenes::Scene};
 use serde_json::{Value, json};
 
 use super::{
@@ -11,6 +11,7 @@ use super::{
 use support::{
     errors::rmse,
     gpu::Gpu,
+    lights::beside,
     multires::{Masked, read_image},
     near::{Effect, Passes, Stage},
     scene::SceneBuffers,
@@ -60,15 +61,11 @@ pub fn of_pixels(
     let camera = shot.camera()?;
     let buffers = SceneBuffers::new(gpu, scene);
     // Where there is no light, one beside the camera.
-    let light = shot.lights.first().copied().unwrap_or_else(|| {
-        let along = shot.target - shot.eye;
-        let up = shot.up;
-        let right = along.cross(up).normalize_or_zero();
-        Light::Point {
-            position: camera.eye() + 0.12 * along.length() * (right + up),
-            intensity: [1.0; 3],
-        }
-    });
+    let light = shot
+        .lights
+        .first()
+        .copied()
+        .unwrap_or_else(|| beside(shot.eye, shot.target, shot.up));
     let passes = Passes::new(&gpu.device).map_err(error)?;
     let mut stage = Stage::of(gpu, &passes, scene, &buffers, &camera, light).map_err(error)?;
     if let Some(radius) = options.radius {

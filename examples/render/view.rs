@@ -17,6 +17,7 @@ use super::Options;
 use support::{
     arguments::MAX_SIDE,
     gltf::{FileCamera, Loaded},
+    lights::{from_behind, sun_unless_emissive},
     raster,
     visible::Sight,
     world::{World, bounds_of, origin_for},
@@ -376,27 +377,6 @@ fn from_scene(options: &Options, scene: &Scene) -> Result<Wanted, String> {
     })
 }
 
-/// Late morning, for a scene without a light of its own.
-fn sun_unless_emissive(scene: &Scene) -> Option<Light> {
-    let dark = scene
-        .materials
-        .iter()
-        .all(|material| material.emission == [0.0; 3]);
-    dark.then_some(Light::Directional {
-        direction: DVec3::new(0.45, -0.8, -0.4),
-        irradiance: [3.2, 3.1, 2.9],
-    })
-}
-
-/// Past what is looked at, from its left and above: what shines through a body.
-fn from_behind(eye: DVec3, target: DVec3) -> Light {
-    let ahead = (target - eye).with_y(0.0).normalize_or(DVec3::NEG_Z);
-    Light::Directional {
-        direction: 0.8 * ahead.cross(DVec3::Y) - 0.6 * ahead - 0.7 * DVec3::Y,
-        irradiance: [3.2, 3.1, 2.9],
-    }
-}
-
 fn unknown(wanted: Option<&str>, list: &[&str]) -> String {
     let only = match list {
         [] => "nor any other".into(),
@@ -407,12 +387,10 @@ fn unknown(wanted: Option<&str>, list: &[&str]) -> String {
 
 /// A view of the whole scene from a corner above it.
 fn around(world: &World) -> Wanted {
-    let (low, high) = world.bounds();
-    let center = (low + high) / 2.0;
-    let size = (high - low).length();
+    let [eye, target] = world.corner_view();
     Wanted {
-        eye: (center + size * DVec3::new(0.6, 0.4, 0.8)).to_array(),
-        target: center.to_array(),
+        eye: eye.to_array(),
+        target: target.to_array(),
         up: None,
         vertical_fov_degrees: 45.0,
         near: None,

@@ -9,7 +9,14 @@ use deep_screen_space::{
     TextureSlice, wgpu,
 };
 
-use super::{decoding::Decoding, gpu::Gpu, presets::Preset, raster::Raster, scene::SceneBuffers};
+use super::{
+    decoding::Decoding,
+    gpu::Gpu,
+    presets::Preset,
+    raster::Raster,
+    scene::SceneBuffers,
+    stages::{Stages, Timed as TimedStages},
+};
 
 /// A name and milliseconds by `Gpu::stopwatch`.
 type Timed = (&'static str, f64);
@@ -24,9 +31,19 @@ struct Lighting {
 
 /// What surfels are lit by.
 #[derive(Clone, Copy)]
-struct Lamps<'a> {
-    materials: &'a wgpu::Buffer,
-    lights: &'a [Light],
+pub struct Lamps<'a> {
+    pub materials: &'a wgpu::Buffer,
+    pub lights: &'a [Light],
+}
+
+/// What one recording works on.
+#[derive(Clone, Copy)]
+pub struct Subject<'a> {
+    pub raster: &'a Raster,
+    pub meshes: &'a [Mesh<'a>],
+    pub camera: &'a Camera,
+    /// For effects that read what surfels send.
+    pub lamps: Option<Lamps<'a>>,
 }
 
 /// The pipelines and one view.
@@ -64,25 +81,24 @@ impl Lighting {
     fn record(
         &self,
         gpu: &Gpu,
+        stages: &mut impl Stages,
         cloud: &SurfelCloud,
         lamps: &Lamps<'_>,
-    ) -> Result<[Timed; 2], Error> {
+    ) -> Result<(), Error> {
         let device = &gpu.device;
-        let (bvh_ms, done) =
-            gpu.time(|encoder| self.builder.record(device, encoder, cloud, &self.bvh, None));
-        done?;
+        stages.stage("bvh", |encoder| {
+            self.builder.record(device, encoder, cloud, &self.bvh, None)
+        })?;
         let lights = lamps.lights.iter().map(|light| ShadedLight {
             light: *light,
             shadow: Shadow::Traced(&self.bvh),
         });
         let lights: Vec<_> = lights.collect();
         let input = SurfelShaderInput::new(cloud, lamps.materials, &lights, &self.radiance);
-        let (light_ms, done) = gpu.time(|encoder| {
+        stages.stage("light", |encoder| {
             let settings = SurfelShaderSettings::default();
             self.shader.record(device, encoder, &input, &settings)
-        });
-        done?;
-        Ok([("bvh", bvh_ms), ("light", light_ms)])
+        })
     }
 }
 
@@ -215,91 +231,15 @@ impl Renderer {
         lamps: Option<Lamps<'_>>,
         preset: &Preset,
     ) -> Result<Rendered, Error> {
-        let device = &gpu.device;
-        let mut settings = preset.surfelizer;
-        settings.reach = if lamps.is_some() {
-            // What is far may shadow what is near, and bright surfels reach farther.
-            Reach::default()
-        } else {
-            ShellSplatter::reach(&preset.splat)
+        let mut stages = TimedStages::new(gpu);
+        let subject = Subject {
+            raster,
+            meshes,
+            camera,
+            lamps,
         };
-        let (surfelize_ms, done) = gpu.time(|encoder| {
-            self.surfelizer.record(
-                device,
-                encoder,
-                &SurfelizerInput {
-                    geometry: Geometry { meshes },
-                    camera,
-                    cull_by: &[*camera],
-                    timestamps: None,
-                },
-                &settings,
-                &mut self.cloud,
-            )
-        });
-        done?;
-        let mut passes = vec![("surfelize", surfelize_ms)];
-        if let (Some(lighting), Some(lamps)) = (&self.lighting, &lamps) {
-            passes.extend(lighting.record(gpu, &self.cloud, lamps)?);
-        }
-        let radiance = self.lighting.as_ref().map(|lighting| &lighting.radiance);
-        let (cluster_ms, done) = gpu.time(|encoder| {
-            self.splatter.record_clusters(
-                device,
-                encoder,
-                &ClusterInput {
-                    radiance,
-                    ..ClusterInput::new(&self.cloud)
-                },
-                &preset.splat,
-                &mut self.clusters,
-            )
-        });
-        done?;
-        let origin = self.cloud.origin();
-        let gbuffer = GBuffer {
-            roughness: self.roughness.as_ref().map(|view| view.texture().into()),
-            ..raster.gbuffer()
-        };
-        let (decode_ms, frame) = self.decoding.frame(gpu, gbuffer, camera, origin)?;
-        let environment = self.environment.as_ref().map(EnvironmentLight::new);
-        let (splat_ms, done) = gpu.time(|encoder| {
-            self.splatter.record(
-                device,
-                encoder,
-                &SplatInput {
-                    radiance,
-                    environment,
-                    ..SplatInput::new(&frame, &self.cloud, &self.clusters)
-                },
-                &preset.splat,
-                &self.view,
-            )
-        });
-        done?;
-        let slices = self.targets.iter().map(|target| target.texture().into());
-        let slices: Vec<TextureSlice<'_>> = slices.collect();
-        let (reconstruct_ms, done) = gpu.time(|encoder| {
-            self.reconstructor.record(
-                device,
-                encoder,
-                &ReconstructorInput {
-                    further: &slices[1..],
-                    environment,
-                    ..ReconstructorInput::new(&frame, &self.view, slices[0])
-                },
-                &preset.reconstructor,
-                &self.scratch,
-            )
-        });
-        done?;
+        self.record(gpu, &mut stages, &subject, preset)?;
         let counts: Vec<SurfelCounts> = gpu.read_buffer(self.cloud.counters());
-        passes.extend([
-            ("cluster", cluster_ms),
-            ("decode", decode_ms),
-            ("splat", splat_ms),
-            ("reconstruct", reconstruct_ms),
-        ]);
         let is_of_colors = self.targets[0].texture().format() != wgpu::TextureFormat::R32Float;
         let pictures: Vec<Vec<[f32; 4]>> = if is_of_colors {
             let targets = self.targets.iter();
@@ -313,8 +253,89 @@ impl Renderer {
                 None => gpu.read_texture(self.targets[0].texture(), 0),
             },
             pictures,
-            passes,
+            passes: stages.passes,
             counts: counts[0],
+        })
+    }
+
+    /// One an output of the effect.
+    pub fn targets(&self) -> &[wgpu::TextureView] {
+        &self.targets
+    }
+
+    /// Records all passes, a stage each.
+    pub fn record(
+        &mut self,
+        gpu: &Gpu,
+        stages: &mut impl Stages,
+        subject: &Subject<'_>,
+        preset: &Preset,
+    ) -> Result<(), Error> {
+        let Subject {
+            raster,
+            meshes,
+            camera,
+            lamps,
+        } = *subject;
+        let device = &gpu.device;
+        let mut settings = preset.surfelizer;
+        settings.reach = if lamps.is_some() {
+            // What is far may shadow what is near, and bright surfels reach farther.
+            Reach::default()
+        } else {
+            ShellSplatter::reach(&preset.splat)
+        };
+        let surfelize = SurfelizerInput {
+            geometry: Geometry { meshes },
+            camera,
+            cull_by: &[*camera],
+            timestamps: None,
+        };
+        stages.stage("surfelize", |encoder| {
+            let cloud = &mut self.cloud;
+            self.surfelizer
+                .record(device, encoder, &surfelize, &settings, cloud)
+        })?;
+        if let (Some(lighting), Some(lamps)) = (&self.lighting, &lamps) {
+            lighting.record(gpu, stages, &self.cloud, lamps)?;
+        }
+        let radiance = self.lighting.as_ref().map(|lighting| &lighting.radiance);
+        let cluster = ClusterInput {
+            radiance,
+            ..ClusterInput::new(&self.cloud)
+        };
+        stages.stage("cluster", |encoder| {
+            let clusters = &mut self.clusters;
+            self.splatter
+                .record_clusters(device, encoder, &cluster, &preset.splat, clusters)
+        })?;
+        let origin = self.cloud.origin();
+        let gbuffer = GBuffer {
+            roughness: self.roughness.as_ref().map(|view| view.texture().into()),
+            ..raster.gbuffer()
+        };
+        let frame = self.decoding.staged(gpu, stages, gbuffer, camera, origin)?;
+        let environment = self.environment.as_ref().map(EnvironmentLight::new);
+        let splat = SplatInput {
+            radiance,
+            environment,
+            ..SplatInput::new(&frame, &self.cloud, &self.clusters)
+        };
+        stages.stage("splat", |encoder| {
+            self.splatter
+                .record(device, encoder, &splat, &preset.splat, &self.view)
+        })?;
+        let slices = self.targets.iter().map(|target| target.texture().into());
+        let slices: Vec<TextureSlice<'_>> = slices.collect();
+        let reconstruct = ReconstructorInput {
+            further: &slices[1..],
+            environment,
+            ..ReconstructorInput::new(&frame, &self.view, slices[0])
+        };
+        stages.stage("reconstruct", |encoder| {
+            let settings = &preset.reconstructor;
+            self.reconstructor
+                .record(device, encoder, &reconstruct, settings, &self.scratch)
         })
     }
 }

@@ -4,7 +4,10 @@ use deep_screen_space::{
     Camera, Error, Frame, FrameInput, GBuffer, GBufferDecoder, Receivers, glam::DVec3,
 };
 
-use super::gpu::Gpu;
+use super::{
+    gpu::Gpu,
+    stages::{Stages, Timed},
+};
 
 /// The pass, and room for one view's frames.
 pub struct Decoding {
@@ -29,14 +32,28 @@ impl Decoding {
         camera: &'a Camera,
         origin: DVec3,
     ) -> Result<(f64, Frame<'a>), Error> {
+        let mut stages = Timed::new(gpu);
+        let frame = self.staged(gpu, &mut stages, gbuffer, camera, origin)?;
+        Ok((stages.passes.iter().map(|pass| pass.1).sum(), frame))
+    }
+
+    /// The same as the stage "decode".
+    pub fn staged<'a>(
+        &'a mut self,
+        gpu: &Gpu,
+        stages: &mut impl Stages,
+        gbuffer: GBuffer<'a>,
+        camera: &'a Camera,
+        origin: DVec3,
+    ) -> Result<Frame<'a>, Error> {
         let input = FrameInput {
             origin,
             ..FrameInput::new(gbuffer, camera)
         };
         let (decoder, receivers) = (&self.decoder, &mut self.receivers);
-        let (ms, frame) =
-            gpu.time(|encoder| decoder.record(&gpu.device, encoder, &input, receivers));
-        Ok((ms, frame?))
+        stages.stage("decode", |encoder| {
+            decoder.record(&gpu.device, encoder, &input, receivers)
+        })
     }
 
     pub fn receivers(&self) -> &Receivers {

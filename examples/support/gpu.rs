@@ -22,6 +22,8 @@ pub enum Ask {
     Useful,
     /// The floor, but for buffers as large as the adapter offers: for scenes of any size.
     Room,
+    /// Both.
+    UsefulRoom,
     /// Everything that the adapter offers.
     All,
 }
@@ -59,6 +61,7 @@ impl Ask {
                 adapter.features() & (wgpu::Features::SUBGROUP | wgpu::Features::TIMESTAMP_QUERY),
                 floor,
             ),
+            Self::UsefulRoom => (Self::Useful.of(adapter).0, Self::Room.of(adapter).1),
             Self::Room => {
                 let offered = adapter.limits();
                 let limits = wgpu::Limits {
@@ -124,19 +127,50 @@ impl Gpu {
         }))
     }
 
+    /// One that can present to a surface of this instance's: see [`Gpu::instance`]. The adapter comes too, which knows the
+    /// surface's formats.
+    #[cfg(feature = "native")]
+    pub fn open_for(
+        instance: &wgpu::Instance,
+        surface: &wgpu::Surface<'_>,
+        ask: Ask,
+    ) -> Result<(Self, wgpu::Adapter), String> {
+        pollster::block_on(Self::open_of(instance, Some(surface), |adapter| {
+            let (features, limits) = ask.of(adapter);
+            Ok((features, limits, wgpu::ExperimentalFeatures::disabled()))
+        }))
+    }
+
+    /// What adapters are asked of, by the environment's wishes.
+    pub fn instance(mut descriptor: wgpu::InstanceDescriptor) -> wgpu::Instance {
+        // lavapipe of Mesa 22.3 (Debian 12) crashes on debug labels inside command buffers.
+        descriptor.flags |= wgpu::InstanceFlags::DISCARD_HAL_LABELS;
+        wgpu::Instance::new(descriptor)
+    }
+
     async fn open_as(
         ask: impl FnOnce(
             &wgpu::Adapter,
         )
             -> Result<(wgpu::Features, wgpu::Limits, wgpu::ExperimentalFeatures), String>,
     ) -> Result<Self, String> {
-        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
-        // lavapipe of Mesa 22.3 (Debian 12) crashes on debug labels inside command buffers.
-        descriptor.flags |= wgpu::InstanceFlags::DISCARD_HAL_LABELS;
-        let instance = wgpu::Instance::new(descriptor);
+        let descriptor = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
+        let (gpu, _) = Self::open_of(&Self::instance(descriptor), None, ask).await?;
+        Ok(gpu)
+    }
+
+    async fn open_of(
+        instance: &wgpu::Instance,
+        compatible_surface: Option<&wgpu::Surface<'_>>,
+        ask: impl FnOnce(
+            &wgpu::Adapter,
+        )
+            -> Result<(wgpu::Features, wgpu::Limits, wgpu::ExperimentalFeatures), String>,
+    ) -> Result<(Self, wgpu::Adapter), String> {
         let adapter = instance
             .request_adapter(&wgpu::RequestAdapterOptions {
                 power_preference: wgpu::PowerPreference::HighPerformance,
+                compatible_surface,
                 ..Default::default()
             })
             .await
@@ -156,12 +190,13 @@ impl Gpu {
             })
             .await
             .map_err(|e| format!("no device: {e}"))?;
-        Ok(Self {
-            instance,
+        let gpu = Self {
+            instance: instance.clone(),
             device,
             queue,
             adapter: adapter.get_info(),
-        })
+        };
+        Ok((gpu, adapter))
     }
 
     /// From now on a program ends with one line where the device refuses or runs out of something that nothing foresaw,

@@ -14,6 +14,8 @@ use super::{
     gpu::Gpu,
     raster::{Raster, perspective},
     scene::SceneBuffers,
+    stages::{Stages, Timed},
+    visible::near_of,
     world::bounds_of,
 };
 
@@ -39,7 +41,12 @@ pub struct HullRenderer {
     pub target: wgpu::TextureView,
     pub settings: SgHullSettings,
     roughness: Option<wgpu::TextureView>,
+    /// What the lights are relative to.
+    origin: DVec3,
 }
+
+/// Degrees that the map of a point light covers.
+const MAP_DEGREES: f64 = 120.0;
 
 /// Texels a side of the map: 256 lights, as in the paper.
 pub const MAP: u32 = 16;
@@ -67,6 +74,40 @@ impl LightSource {
                 [17.0, 15.0, 12.0],
             ),
             _ => Self::sun(scene, DVec3::new(0.45, -0.8, -0.4), [3.2, 3.1, 2.9]),
+        }
+    }
+
+    /// Of a view's own light, which shines toward what the eye looks at; what lights the scene where there is none.
+    pub fn seen(
+        scene: &Scene,
+        light: Option<&Light>,
+        [eye, target]: [DVec3; 2],
+    ) -> Result<Self, Error> {
+        match light {
+            Some(Light::Directional {
+                direction,
+                irradiance,
+            }) => Self::sun(scene, *direction, *irradiance),
+            Some(
+                Light::Point {
+                    position,
+                    intensity,
+                }
+                | Light::Spot {
+                    position,
+                    intensity,
+                    ..
+                },
+            ) => {
+                // From the target itself, on along the line of sight.
+                let target = match target.distance(*position) {
+                    0.0 => 2.0 * target - eye,
+                    _ => target,
+                };
+                let near = near_of(scene, *position, 1e-2 * target.distance(*position));
+                Self::spot([*position, target], near, MAP_DEGREES, *intensity)
+            }
+            None => Self::of(scene),
         }
     }
 
@@ -176,6 +217,7 @@ impl HullRenderer {
             map,
             gatherer,
             settings: SgHullSettings::default(),
+            origin: DVec3::ZERO,
             roughness: roughness.map(|roughness| {
                 let [width, height] = [size.width, size.height];
                 let texels = vec![roughness; (width * height) as usize];
@@ -184,7 +226,7 @@ impl HullRenderer {
         })
     }
 
-    /// Makes the lights of a lamp: what they are bound as.
+    /// Makes the lights of a lamp, relative to a point as pictures then are: what they are bound as.
     pub fn lights(
         &mut self,
         gpu: &Gpu,
@@ -192,6 +234,7 @@ impl HullRenderer {
         lamp: &LightSource,
         origin: DVec3,
     ) -> Result<GathererBinding, Error> {
+        self.origin = origin;
         let raster = Raster::draw(gpu, scene, &lamp.camera);
         let decoding = &mut self.map_decoding;
         let (_, frame) = decoding.frame(gpu, raster.gbuffer(), &lamp.camera, origin)?;
@@ -233,17 +276,40 @@ impl HullRenderer {
         lights: &GathererBinding,
         record: Record,
     ) -> Result<(f64, Vec<[f32; 4]>), Error> {
+        let mut stages = Timed::new(gpu);
+        self.record_by(gpu, &mut stages, (raster, camera, lights), record)?;
+        let ms = stages.passes.iter().map(|pass| pass.1).sum();
+        Ok((ms, gpu.read_texture(self.target.texture(), 0)))
+    }
+
+    /// Records the picture by the hull.
+    pub fn record(
+        &mut self,
+        gpu: &Gpu,
+        stages: &mut impl Stages,
+        what: (&Raster, &Camera, &GathererBinding),
+    ) -> Result<(), Error> {
+        self.record_by(gpu, stages, what, SgHull::record)
+    }
+
+    fn record_by(
+        &mut self,
+        gpu: &Gpu,
+        stages: &mut impl Stages,
+        (raster, camera, lights): (&Raster, &Camera, &GathererBinding),
+        record: Record,
+    ) -> Result<(), Error> {
         let gbuffer = GBuffer {
             roughness: self.roughness.as_ref().map(|view| view.texture().into()),
             ..raster.gbuffer()
         };
-        let (decode_ms, frame) = self.decoding.frame(gpu, gbuffer, camera, camera.eye())?;
+        let decoding = &mut self.decoding;
+        let frame = decoding.staged(gpu, stages, gbuffer, camera, self.origin)?;
         let input = SgHullInput::new(&frame, Some(lights), self.target.texture());
         let (hull, settings, view) = (&self.hull, &self.settings, &self.view);
-        let (ms, done) =
-            gpu.time(|encoder| record(hull, &gpu.device, encoder, &input, settings, view));
-        done?;
-        Ok((decode_ms + ms, gpu.read_texture(self.target.texture(), 0)))
+        stages.stage("hull", |encoder| {
+            record(hull, &gpu.device, encoder, &input, settings, view)
+        })
     }
 
     pub fn counts(&self, gpu: &Gpu) -> SgHullCounts {

@@ -30,6 +30,8 @@ pub mod gpu;
 #[cfg(feature = "native")]
 pub mod hull;
 #[cfg(feature = "native")]
+pub mod lights;
+#[cfg(feature = "native")]
 pub mod multires;
 #[cfg(feature = "native")]
 pub mod near;
@@ -43,6 +45,8 @@ pub mod shadow;
 pub mod sky;
 #[cfg(feature = "native")]
 pub mod stage;
+#[cfg(feature = "native")]
+pub mod stages;
 #[cfg(feature = "native")]
 pub mod stopwatch;
 #[cfg(feature = "native")]

@@ -140,6 +140,10 @@ pub fn read_image(gpu: &Gpu, texture: &wgpu::Texture) -> Vec<[f32; 3]> {
         let texels: Vec<f32> = gpu.read_texture(texture, 0);
         return texels.into_iter().map(|v| [v; 3]).collect();
     }
+    if texture.format() == TextureFormat::Rgba32Float {
+        let texels: Vec<[f32; 4]> = gpu.read_texture(texture, 0);
+        return texels.into_iter().map(|[r, g, b, _]| [r, g, b]).collect();
+    }
     let texels: Vec<[u16; 4]> = gpu.read_texture(texture, 0);
     texels
         .into_iter()

@@ -14,6 +14,7 @@ use deep_screen_space::{
 
 use super::{
     gpu::Gpu,
+    lights::beside,
     raster::{self, Raster},
     scene::SceneBuffers,
     shadow,
@@ -126,9 +127,7 @@ pub struct Stage<'g> {
     pub gpu: &'g Gpu,
     pub camera: Camera,
     pub drawn: Raster,
-    pub light: Light,
-    cameras: Vec<Camera>,
-    map: wgpu::Texture,
+    pub lamp: ShadowedLight,
     pub lit: TextureView,
     /// How far shadows and indirect light reach, world units.
     pub reach: f32,
@@ -157,13 +156,7 @@ impl<'g> Stage<'g> {
             ),
             Viewport::full(width, height),
         )?;
-        let along = DVec3::from(view.target) - DVec3::from(view.eye);
-        let right = along.cross(view.up.into()).normalize_or_zero();
-        let position = camera.eye() + 0.12 * along.length() * (right + DVec3::from(view.up));
-        let light = Light::Point {
-            position,
-            intensity: [1.0; 3],
-        };
+        let light = beside(view.eye.into(), view.target.into(), view.up.into());
         let buffers = SceneBuffers::new(gpu, scene);
         Self::of(gpu, passes, scene, &buffers, &camera, light)
     }
@@ -179,27 +172,17 @@ impl<'g> Stage<'g> {
     ) -> Result<Self, Error> {
         let Viewport { width, height, .. } = camera.viewport();
         let (low, high) = bounds_of(scene);
-        let radius = 0.5 * (high - low).length();
-        let cameras = match light {
-            Light::Point { position, .. } | Light::Spot { position, .. } => {
-                cube(position, near_of(scene, position, 1e-4 * radius))?
-            }
-            Light::Directional { direction, .. } => vec![sun(low, high, direction)?],
-        };
-        let map = shadow::draw(gpu, buffers, &cameras, MAP, TextureFormat::Depth32Float);
         // A file says nothing of what suits it.
         let reach = if scene.ao_radius.is_finite() {
             scene.ao_radius
         } else {
-            0.1 * radius as f32
+            0.05 * (high - low).length() as f32
         };
         let mut stage = Self {
             gpu,
             drawn: Raster::draw(gpu, buffers, camera),
             camera: *camera,
-            light,
-            cameras,
-            map,
+            lamp: ShadowedLight::new(gpu, scene, buffers, light)?,
             lit: gpu.storage(TextureFormat::Rgba16Float, width, height),
             reach,
             obscurance_radius: 0.25 * reach,
@@ -215,29 +198,123 @@ impl<'g> Stage<'g> {
         let visible = gpu.storage(TextureFormat::R32Float, width, height);
         let mut encoder = gpu.encoder();
         passes.record_hard_shadows(self, &mut encoder, visible.texture())?;
-        let clip = self.camera.projection() * DMat4::from_mat3(self.camera.rotation());
-        let mut uniform = clip.inverse().as_mat4().to_cols_array().to_vec();
-        let light = match self.light {
+        let what = (&self.camera, &self.drawn, self.lamp.light);
+        Illuminator::new(gpu).record(gpu, &mut encoder, what, [&visible, &self.lit]);
+        gpu.finish(encoder);
+        Ok(())
+    }
+
+    pub fn size(&self) -> [u32; 2] {
+        let viewport = self.camera.viewport();
+        [viewport.width, viewport.height]
+    }
+
+    /// What an effect reads besides the G-buffer.
+    pub fn source(&self, effect: Effect) -> NearFieldSource<'_> {
+        match effect {
+            Effect::Obscurance => NearFieldSource::GBuffer,
+            Effect::Shadow => NearFieldSource::Light(&self.lamp.light, self.lamp.map()),
+            Effect::Indirect => NearFieldSource::Lit(self.lit.texture().into()),
+        }
+    }
+
+    /// An effect as a view takes it, with as many samples as `record` takes.
+    pub fn effect(&self, effect: Effect, samples: u32) -> Option<NearFieldEffect> {
+        Some(match effect {
+            Effect::Obscurance => NearFieldEffect::Obscurance {
+                descriptor: of_points(points(samples)?),
+                settings: self.obscurance(),
+            },
+            Effect::Shadow => NearFieldEffect::SoftShadows(self.shadows(samples)),
+            Effect::Indirect => NearFieldEffect::ScreenSpaceGi(self.indirect(samples)),
+        })
+    }
+
+    fn obscurance(&self) -> ObscuranceSettings {
+        ObscuranceSettings {
+            radius: self.obscurance_radius,
+            turn: false,
+            ..Default::default()
+        }
+    }
+
+    fn shadows(&self, samples: u32) -> SoftShadowsSettings {
+        SoftShadowsSettings {
+            extent: match self.lamp.light {
+                // Ten times as wide as the sun.
+                Light::Directional { .. } => 0.05,
+                _ => 0.1 * self.reach,
+            },
+            max_penumbra: 0.25 * self.reach,
+            samples,
+            ..Default::default()
+        }
+    }
+
+    fn indirect(&self, samples: u32) -> ScreenSpaceGiSettings {
+        ScreenSpaceGiSettings {
+            radius: self.reach,
+            samples,
+            turn: false,
+        }
+    }
+}
+
+fn of_points(table: BallSamples) -> VolumetricObscuranceDescriptor {
+    VolumetricObscuranceDescriptor {
+        sampling: ObscuranceSampling::Points(table),
+        volume: ObscuranceVolume::Hemisphere,
+    }
+}
+
+/// A light with its shadow map.
+pub struct ShadowedLight {
+    pub light: Light,
+    cameras: Vec<Camera>,
+    map: wgpu::Texture,
+}
+
+impl ShadowedLight {
+    /// Draws the map.
+    pub fn new(
+        gpu: &Gpu,
+        scene: &Scene,
+        buffers: &SceneBuffers,
+        light: Light,
+    ) -> Result<Self, Error> {
+        let (low, high) = bounds_of(scene);
+        let radius = 0.5 * (high - low).length();
+        let cameras = match light {
             Light::Point { position, .. } | Light::Spot { position, .. } => {
-                (position - self.camera.eye()).as_vec3().extend(1.0)
+                cube(position, near_of(scene, position, 1e-4 * radius))?
             }
-            Light::Directional { direction, .. } => -direction.as_vec3().extend(0.0),
+            Light::Directional { direction, .. } => vec![sun(low, high, direction)?],
         };
-        uniform.extend(light.to_array());
-        let uniform = gpu.buffer(&uniform, wgpu::BufferUsages::UNIFORM);
+        Ok(Self {
+            map: shadow::draw(gpu, buffers, &cameras, MAP, TextureFormat::Depth32Float),
+            light,
+            cameras,
+        })
+    }
+
+    pub fn map(&self) -> ShadowMap<'_> {
+        ShadowMap::new(&self.map, &self.cameras)
+    }
+}
+
+/// What lights a picture.
+pub struct Illuminator {
+    layout: wgpu::BindGroupLayout,
+    pipeline: wgpu::ComputePipeline,
+}
+
+impl Illuminator {
+    pub fn new(gpu: &Gpu) -> Self {
         let device = &gpu.device;
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("lit"),
             source: wgpu::ShaderSource::Wgsl(LIT.into()),
         });
-        let drawn = &self.drawn;
-        let textures = [
-            &drawn.depth,
-            &drawn.normal,
-            &drawn.albedo,
-            &visible,
-            &self.lit,
-        ];
         let sampled = wgpu::BindingType::Texture {
             sample_type: wgpu::TextureSampleType::Float { filterable: false },
             view_dimension: wgpu::TextureViewDimension::D2,
@@ -280,6 +357,28 @@ impl<'g> Stage<'g> {
             compilation_options: wgpu::PipelineCompilationOptions::default(),
             cache: None,
         });
+        Self { layout, pipeline }
+    }
+
+    /// Fills the last texture: radiance that leaves what is drawn, where the first says how much of the light is visible.
+    pub fn record(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        (camera, drawn, light): (&Camera, &Raster, Light),
+        [visible, lit]: [&TextureView; 2],
+    ) {
+        let clip = camera.projection() * DMat4::from_mat3(camera.rotation());
+        let mut uniform = clip.inverse().as_mat4().to_cols_array().to_vec();
+        let light = match light {
+            Light::Point { position, .. } | Light::Spot { position, .. } => {
+                (position - camera.eye()).as_vec3().extend(1.0)
+            }
+            Light::Directional { direction, .. } => -direction.as_vec3().extend(0.0),
+        };
+        uniform.extend(light.to_array());
+        let uniform = gpu.buffer(&uniform, wgpu::BufferUsages::UNIFORM);
+        let textures = [&drawn.depth, &drawn.normal, &drawn.albedo, visible, lit];
         let mut entries = vec![wgpu::BindGroupEntry {
             binding: 0,
             resource: uniform.as_entire_binding(),
@@ -292,82 +391,19 @@ impl<'g> Stage<'g> {
                     resource: wgpu::BindingResource::TextureView(view),
                 }),
         );
-        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,
-            layout: &layout,
+            layout: &self.layout,
             entries: &entries,
         });
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        pass.set_pipeline(&pipeline);
+        pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &group, &[]);
-        pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), 1);
-        drop(pass);
-        gpu.finish(encoder);
-        Ok(())
-    }
-
-    pub fn size(&self) -> [u32; 2] {
-        let viewport = self.camera.viewport();
-        [viewport.width, viewport.height]
-    }
-
-    /// What an effect reads besides the G-buffer.
-    pub fn source(&self, effect: Effect) -> NearFieldSource<'_> {
-        match effect {
-            Effect::Obscurance => NearFieldSource::GBuffer,
-            Effect::Shadow => {
-                NearFieldSource::Light(&self.light, ShadowMap::new(&self.map, &self.cameras))
-            }
-            Effect::Indirect => NearFieldSource::Lit(self.lit.texture().into()),
-        }
-    }
-
-    /// An effect as a view takes it, with as many samples as `record` takes.
-    pub fn effect(&self, effect: Effect, samples: u32) -> Option<NearFieldEffect> {
-        Some(match effect {
-            Effect::Obscurance => NearFieldEffect::Obscurance {
-                descriptor: of_points(points(samples)?),
-                settings: self.obscurance(),
-            },
-            Effect::Shadow => NearFieldEffect::SoftShadows(self.shadows(samples)),
-            Effect::Indirect => NearFieldEffect::ScreenSpaceGi(self.indirect(samples)),
-        })
-    }
-
-    fn obscurance(&self) -> ObscuranceSettings {
-        ObscuranceSettings {
-            radius: self.obscurance_radius,
-            turn: false,
-            ..Default::default()
-        }
-    }
-
-    fn shadows(&self, samples: u32) -> SoftShadowsSettings {
-        SoftShadowsSettings {
-            extent: match self.light {
-                // Ten times as wide as the sun.
-                Light::Directional { .. } => 0.05,
-                _ => 0.1 * self.reach,
-            },
-            max_penumbra: 0.25 * self.reach,
-            samples,
-            ..Default::default()
-        }
-    }
-
-    fn indirect(&self, samples: u32) -> ScreenSpaceGiSettings {
-        ScreenSpaceGiSettings {
-            radius: self.reach,
-            samples,
-            turn: false,
-        }
-    }
-}
-
-fn of_points(table: BallSamples) -> VolumetricObscuranceDescriptor {
-    VolumetricObscuranceDescriptor {
-        sampling: ObscuranceSampling::Points(table),
-        volume: ObscuranceVolume::Hemisphere,
+        pass.dispatch_workgroups(
+            lit.texture().width().div_ceil(8),
+            lit.texture().height().div_ceil(8),
+            1,
+        );
     }
 }
 
@@ -490,8 +526,8 @@ impl Passes {
             &SoftShadowsInput {
                 gbuffer: stage.drawn.gbuffer(),
                 camera: &stage.camera,
-                light: &stage.light,
-                map: ShadowMap::new(&stage.map, &stage.cameras),
+                light: &stage.lamp.light,
+                map: stage.lamp.map(),
                 work,
                 target: target.into(),
                 timestamps: None,

@@ -9,7 +9,8 @@ use deep_screen_space::{
 
 use super::gpu::Gpu;
 
-/// A scene's triangles on the GPU.
+/// A scene's triangles on the GPU; clones share them.
+#[derive(Clone)]
 pub struct SceneBuffers {
     pub runs: Vec<RunBuffers>,
     /// The material table.
@@ -20,6 +21,7 @@ pub struct SceneBuffers {
 }
 
 /// As many of a scene's triangles as fit buffers that the device can make and bind.
+#[derive(Clone)]
 pub struct RunBuffers {
     pub positions: wgpu::Buffer,
     pub normals: wgpu::Buffer,
@@ -133,7 +135,8 @@ fn maps(gpu: &Gpu, holes: &Holes) -> wgpu::Texture {
 
 impl RunBuffers {
     fn new(gpu: &Gpu, scene: &Scene) -> Self {
-        let vertex = BufferUsages::VERTEX | BufferUsages::STORAGE;
+        // What moves is written anew.
+        let vertex = BufferUsages::VERTEX | BufferUsages::STORAGE | BufferUsages::COPY_DST;
         Self {
             positions: gpu.buffer(&scene.positions, vertex),
             normals: gpu.buffer(&scene.normals, vertex),

@@ -29,6 +29,14 @@ impl World {
         bounds(self.positions.iter().copied())
     }
 
+    /// An eye that sees the whole from a corner above it, and what it looks at.
+    pub fn corner_view(&self) -> [DVec3; 2] {
+        let (low, high) = self.bounds();
+        let center = (low + high) / 2.0;
+        let size = (high - low).length();
+        [center + size * DVec3::new(0.6, 0.4, 0.8), center]
+    }
+
     /// The scene with positions relative to a point of the world.
     ///
     /// # Errors
