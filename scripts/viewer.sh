@@ -29,4 +29,6 @@ done
 DISPLAY=:$(cat "$folder/display")
 export DISPLAY
 unset WAYLAND_DISPLAY
-cargo test --manifest-path "$root/Cargo.toml" --package deep-screen-space-viewer --no-default-features --features x11 "$@"
+# Its arithmetic is the crate's and the support's: to optimise what is left would take longer than it saves.
+cargo test --config 'profile.dev.package.deep-screen-space-viewer.opt-level=0' --manifest-path "$root/Cargo.toml" \
+  --package deep-screen-space-viewer --no-default-features --features x11 "$@"

@@ -2,9 +2,10 @@
 //! off screen or edge-on counts like what is seen (Nalbach, Ritschel and Seidel, *Deep Screen Space*, 2014, and *The Bounced
 //! Z-buffer for Indirect Visibility*, 2015).
 //!
-//! Most callers need two objects: a [`RayTracedScene`], and for each view and effect a [`RayTracedView`]; what the depth buffer
-//! alone holds needs one, a [`NearFieldView`]. They are wired of
-//! passes that may be used by themselves, each of which records into the caller's encoder and owns only what it makes:
+//! Most callers need two objects: a [`RayTracedScene`], and for each view and effect a [`RayTracedView`]. What the depth buffer
+//! alone holds needs one, a [`NearFieldView`]; light of many sources on large pictures two, [`HullLights`] and [`HullView`]. All
+//! are wired of passes that may be used by themselves, each of which records into the caller's encoder and owns only what it
+//! makes:
 //!
 //! * [`GBufferDecoder`]: the caller's G-buffer, decoded once per frame and view into the [`Frame`] that passes start from.
 //! * [`Surfelizer`]: the caller's triangles become a [`SurfelCloud`], finer near the camera than far from it.
@@ -106,6 +107,7 @@ mod gbuffer;
 mod geometry;
 mod gpu;
 mod hit_resolver;
+mod hull;
 mod instanced_bvh;
 mod light;
 mod made;
@@ -177,6 +179,10 @@ pub use gpu::{Timestamps, compiler::Compiler, listing::Shader};
 pub use hit_resolver::{
     HitEstimateInput, HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverView,
     settings::HitResolverSettings,
+};
+pub use hull::{
+    lights::{HullLights, HullLightsInput},
+    view::{HullInput, HullView},
 };
 pub use instanced_bvh::{
     ChangedMeshes, InstancedBvh, InstancedBvhBuilder, InstancedBvhInput, InstancedCounts,

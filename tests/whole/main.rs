@@ -5,6 +5,7 @@ mod browser;
 mod extremes;
 mod frames;
 mod fuzz;
+mod hull;
 mod misuse;
 mod near_extremes;
 mod near_field;
