@@ -26,7 +26,7 @@ use crate::{
         settings::HitResolverSettings,
     },
     ray_budget::{RayBudget, RayBudgetInput, settings::RayBudgetSettings, view::RayBudgetView},
-    receivers::{FrameInput, GBufferDecoder, Receivers, plane_bytes, plane_for},
+    receivers::{Frame, FrameInput, GBufferDecoder, Receivers, plane_bytes, plane_for},
     recorded::never,
     temporal_accumulator::{
         MotionVectors, TemporalAccumulator, TemporalHistory, TemporalInput, TemporalJoinInput,
@@ -194,12 +194,18 @@ pub struct RayTracedView {
     effect: RayTracedEffect,
     target: TextureFormat,
     rays: RaySettings,
+    passes: Passes,
+    temporal: Option<Temporal>,
+    room: Option<Room>,
+}
+
+/// What each frame is made by.
+#[derive(Debug)]
+struct Passes {
     decoder: GBufferDecoder,
     tracer: BouncedZBuffer,
     resolver: HitResolver,
     budget: Option<RayBudget>,
-    temporal: Option<Temporal>,
-    room: Option<Room>,
 }
 
 #[derive(Debug)]
@@ -213,10 +219,109 @@ struct Temporal {
     frame: u32,
 }
 
+impl Passes {
+    /// Rays, and further ones where noise is if there are any.
+    fn trace(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        (frame, met): (&Frame<'_>, &BouncedInput<'_>),
+        (settings, rays): (&BouncedSettings, &RaySettings),
+        views: &Views,
+    ) -> Result<(), Error> {
+        self.tracer
+            .record(device, encoder, met, settings, &views.hits)?;
+        let (Some(further), Some(budget), Some(list)) =
+            (&rays.further, &self.budget, &views.budget)
+        else {
+            return Ok(());
+        };
+        self.estimate(device, encoder, frame, rays, views)?;
+        let noise = RayBudgetInput::new(frame, &views.hits, &views.scratch, &rays.filter);
+        budget.record(device, encoder, &noise, further, list)?;
+        let into = (&views.hits, list);
+        self.tracer
+            .record_more(device, encoder, met, settings, into)
+    }
+
+    /// What each pixel's own rays tell.
+    fn estimate(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        frame: &Frame<'_>,
+        rays: &RaySettings,
+        views: &Views,
+    ) -> Result<(), Error> {
+        let hits = HitEstimateInput::new(frame, &views.hits);
+        self.resolver
+            .estimate(device, encoder, &hits, &rays.filter, &views.scratch)
+    }
+
+    fn resolve(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        picture: &HitResolverInput<'_>,
+        rays: &RaySettings,
+        views: &Views,
+    ) -> Result<(), Error> {
+        self.resolver
+            .record(device, encoder, picture, &rays.filter, &views.scratch)
+    }
+}
+
 impl Temporal {
     /// The camera of the frame before, or this one's where there was none.
     fn previous(&self, input: &RayTracedInput<'_>) -> Camera {
         self.previous.unwrap_or(*input.camera)
+    }
+
+    /// Joins what pixels' own rays tell, before it is filtered.
+    fn join(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        (frame, input): (&Frame<'_>, &RayTracedInput<'_>),
+        views: &mut Views,
+    ) -> Result<(), Error> {
+        let Some(frames) = &mut views.frames else {
+            return Ok(());
+        };
+        let previous = self.previous(input);
+        let rays = TemporalJoinInput {
+            motion: input.motion,
+            reset: input.reset,
+            ..TemporalJoinInput::new(frame, &previous, &views.scratch)
+        };
+        let into = (&self.settings, &mut frames.history);
+        self.accumulator
+            .join(device, encoder, &rays, into.0, into.1)
+    }
+
+    /// Joins pictures, into the caller's target.
+    fn accumulate(
+        &self,
+        device: &Device,
+        encoder: &mut CommandEncoder,
+        (frame, input): (&Frame<'_>, &RayTracedInput<'_>),
+        views: &mut Views,
+    ) -> Result<(), Error> {
+        let Some(Frames {
+            history,
+            picture: Some(picture),
+        }) = &mut views.frames
+        else {
+            return Ok(());
+        };
+        let previous = self.previous(input);
+        let pictures = TemporalInput {
+            motion: input.motion,
+            reset: input.reset,
+            ..TemporalInput::new(frame, &previous, &*picture, input.target)
+        };
+        self.accumulator
+            .record(device, encoder, &pictures, &self.settings, history)
     }
 }
 
@@ -226,10 +331,23 @@ struct Room {
     viewport: Viewport,
     rays_per_pixel: u32,
     receivers: Receivers,
+    views: Views,
+}
+
+/// What passes write.
+#[derive(Debug)]
+struct Views {
     hits: BouncedView,
     scratch: HitResolverView,
     budget: Option<RayBudgetView>,
     frames: Option<Frames>,
+}
+
+impl Views {
+    /// One frame's picture, for effects whose frames are filtered before they are joined.
+    fn picture(&self) -> Option<&Texture> {
+        self.frames.as_ref()?.picture.as_ref()
+    }
 }
 
 /// What frames are joined in.
@@ -311,18 +429,18 @@ impl RayTracedView {
             Some(_) if !joined => picture_format(&effect),
             _ => target,
         };
+        let resolver = HitResolverDescriptor {
+            joined,
+            bent_normals,
+            ..tracer.resolver_descriptor(resolved, false)
+        };
         Ok(Self {
-            resolver: HitResolver::new(
-                compiler,
-                &HitResolverDescriptor {
-                    joined,
-                    bent_normals,
-                    ..tracer.resolver_descriptor(resolved, false)
-                },
-            )?,
-            decoder: GBufferDecoder::new(compiler)?,
-            budget: rays.further.map(|_| RayBudget::new(compiler)).transpose()?,
-            tracer,
+            passes: Passes {
+                resolver: HitResolver::new(compiler, &resolver)?,
+                decoder: GBufferDecoder::new(compiler)?,
+                budget: rays.further.map(|_| RayBudget::new(compiler)).transpose()?,
+                tracer,
+            },
             effect,
             target,
             rays,
@@ -338,7 +456,7 @@ impl RayTracedView {
     /// of before stay.
     pub fn set_rays(&mut self, rays: RaySettings) -> Result<(), Error> {
         check_rays(&self.effect, &rays)?;
-        if rays.further.is_some() && self.budget.is_none() {
+        if rays.further.is_some() && self.passes.budget.is_none() {
             return Err(Error::Mismatch {
                 name: "RaySettings::further",
                 found: "further rays".into(),
@@ -383,7 +501,7 @@ impl RayTracedView {
         input: &RayTracedInput<'_>,
     ) -> Result<(), Error> {
         let traced = scene.traced().ok_or_else(|| never("RayTracedScene"))?;
-        traced.check_primitives(self.tracer.descriptor().primitives)?;
+        traced.check_primitives(self.passes.tracer.descriptor().primitives)?;
         traced.last()?;
         self.check(scene, input)?;
         let payload = self.payload();
@@ -396,6 +514,7 @@ impl RayTracedView {
             ..FrameInput::new(input.gbuffer, input.camera)
         };
         let frame = self
+            .passes
             .decoder
             .record(device, encoder, &frame, &mut room.receivers)?;
         let number = self.temporal.as_ref().map_or(0, |temporal| temporal.frame);
@@ -411,61 +530,27 @@ impl RayTracedView {
             ..BouncedInput::of(&frame, traced)
         };
         let settings = settings_of(&self.effect, &self.rays, number);
-        self.tracer
-            .record(device, encoder, &met, &settings, &room.hits)?;
-        if let (Some(further), Some(budget), Some(list)) =
-            (&self.rays.further, &self.budget, &room.budget)
-        {
-            let filter = &self.rays.filter;
-            let hits = HitEstimateInput::new(&frame, &room.hits);
-            self.resolver
-                .estimate(device, encoder, &hits, filter, &room.scratch)?;
-            let noise = RayBudgetInput::new(&frame, &room.hits, &room.scratch, filter);
-            budget.record(device, encoder, &noise, further, list)?;
-            let into = (&room.hits, list);
-            self.tracer
-                .record_more(device, encoder, &met, &settings, into)?;
+        let (passes, rays, views) = (&self.passes, &self.rays, &mut room.views);
+        passes.trace(device, encoder, (&frame, &met), (&settings, rays), views)?;
+        let Some(temporal) = &mut self.temporal else {
+            let picture = HitResolverInput::new(&frame, &views.hits, input.target);
+            return passes.resolve(device, encoder, &picture, rays, views);
+        };
+        if temporal.joins_rays {
+            passes.estimate(device, encoder, &frame, rays, views)?;
+            temporal.join(device, encoder, (&frame, input), views)?;
+            let picture = HitResolverInput {
+                history: views.frames.as_ref().map(|frames| &frames.history),
+                ..HitResolverInput::new(&frame, &views.hits, input.target)
+            };
+            passes.resolve(device, encoder, &picture, rays, views)?;
+        } else if let Some(of_one_frame) = views.picture() {
+            let picture = HitResolverInput::new(&frame, &views.hits, of_one_frame);
+            passes.resolve(device, encoder, &picture, rays, views)?;
+            temporal.accumulate(device, encoder, (&frame, input), views)?;
         }
-        let mut resolved = HitResolverInput::new(&frame, &room.hits, input.target);
-        if let (Some(temporal), Some(frames)) = (&self.temporal, &mut room.frames) {
-            if let Some(picture) = &frames.picture {
-                resolved.target = picture.into();
-            } else {
-                let hits = HitEstimateInput::new(&frame, &room.hits);
-                let filter = &self.rays.filter;
-                self.resolver
-                    .estimate(device, encoder, &hits, filter, &room.scratch)?;
-                let previous = temporal.previous(input);
-                let rays = TemporalJoinInput {
-                    motion: input.motion,
-                    reset: input.reset,
-                    ..TemporalJoinInput::new(&frame, &previous, &room.scratch)
-                };
-                let into = (&temporal.settings, &mut frames.history);
-                temporal
-                    .accumulator
-                    .join(device, encoder, &rays, into.0, into.1)?;
-                resolved.history = Some(&frames.history);
-            }
-        }
-        self.resolver
-            .record(device, encoder, &resolved, &self.rays.filter, &room.scratch)?;
-        if let (Some(temporal), Some(frames)) = (&mut self.temporal, &mut room.frames) {
-            if let Some(picture) = &frames.picture {
-                let previous = temporal.previous(input);
-                let pictures = TemporalInput {
-                    motion: input.motion,
-                    reset: input.reset,
-                    ..TemporalInput::new(&frame, &previous, picture, input.target)
-                };
-                let into = (&temporal.settings, &mut frames.history);
-                temporal
-                    .accumulator
-                    .record(device, encoder, &pictures, into.0, into.1)?;
-            }
-            temporal.previous = Some(*input.camera);
-            temporal.frame = (temporal.frame + 1) % FRAMES;
-        }
+        temporal.previous = Some(*input.camera);
+        temporal.frame = (temporal.frame + 1) % FRAMES;
         Ok(())
     }
 
@@ -474,21 +559,25 @@ impl RayTracedView {
         let Some(room) = &self.room else {
             return 0;
         };
-        let frames = room.frames.as_ref().map_or(0, |frames| {
+        let frames = room.views.frames.as_ref().map_or(0, |frames| {
             let picture = frames.picture.as_ref().map_or(0, |picture| {
                 plane_bytes(picture.format(), [picture.width(), picture.height()], 1)
             });
             picture + frames.history.memory_bytes()
         });
         room.receivers.memory_bytes()
-            + room.hits.memory_bytes()
-            + room.scratch.memory_bytes()
-            + room.budget.as_ref().map_or(0, RayBudgetView::memory_bytes)
+            + room.views.hits.memory_bytes()
+            + room.views.scratch.memory_bytes()
+            + room
+                .views
+                .budget
+                .as_ref()
+                .map_or(0, RayBudgetView::memory_bytes)
             + frames
     }
 
     fn payload(&self) -> Payload {
-        self.tracer.descriptor().payload
+        self.passes.tracer.descriptor().payload
     }
 
     /// What the passes would find only after others were recorded.
@@ -511,7 +600,7 @@ impl RayTracedView {
                     .roughness_for("RayTracedEffect::IndirectSpecular")?;
             }
         }
-        if self.tracer.descriptor().environment {
+        if self.passes.tracer.descriptor().environment {
             let Some(light) = input.environment else {
                 return Err(Error::Mismatch {
                     name: "RayTracedInput::environment",
@@ -556,6 +645,7 @@ impl RayTracedView {
         // The old textures go before there are new ones.
         self.room = None;
         let hits = self
+            .passes
             .tracer
             .create_view(device, width, height, rays_per_pixel)?;
         let frames = match &mut self.temporal {
@@ -582,15 +672,21 @@ impl RayTracedView {
         self.room = Some(Room {
             viewport,
             rays_per_pixel,
-            receivers: self.decoder.create_receivers(device, width, height)?,
-            scratch: self.resolver.create_view(device, &hits)?,
-            budget: self
-                .budget
-                .as_ref()
-                .map(|budget| budget.create_view(device, width, height))
-                .transpose()?,
-            hits,
-            frames,
+            receivers: self
+                .passes
+                .decoder
+                .create_receivers(device, width, height)?,
+            views: Views {
+                scratch: self.passes.resolver.create_view(device, &hits)?,
+                budget: self
+                    .passes
+                    .budget
+                    .as_ref()
+                    .map(|budget| budget.create_view(device, width, height))
+                    .transpose()?,
+                hits,
+                frames,
+            },
         });
         Ok(())
     }
