@@ -1,4 +1,4 @@
-//! Ray-traced ambient occlusion and a bounce of light in [kiss3d](https://kiss3d.rs)'s picture, by [`deep_screen_space`].
+//! Ray-traced ambient occlusion and a bounce of light in kiss3d's picture, by [`deep_screen_space`].
 //!
 //! ```no_run
 //! use deep_screen_space_kiss3d::{RayTracedLighting, Settings};
