@@ -54,7 +54,7 @@ fn pictures_are_those_of_the_passes_by_hand() {
     let gpu = pipelines::gpu();
     let passes = passes();
     let scene = scenes::by_name("colonnade").expect("a scene");
-    let sizes = [[64, 48], [33, 21]];
+    let sizes = [[64, 48], [97, 73]];
     let stages = sizes.map(|size| Stage::new(gpu, passes, &scene, 0, size).expect("a view"));
     for effect in Effect::ALL {
         let settings = effect_of(&stages[0], effect);
