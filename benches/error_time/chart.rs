@@ -128,8 +128,14 @@ fn draw(picture: &mut RgbImage, panels: &[Panel]) -> Result<(), Box<dyn std::err
         for preset in &panel.presets {
             let at = (preset.time, preset.error);
             chart.draw_series([TriangleMarker::new(at, 11, BLACK.filled())])?;
-            let style = text.clone().pos(Pos::new(HPos::Left, VPos::Center));
-            chart.draw_series([Text::new(format!("  {}", preset.label), at, style)])?;
+            // On its left where there is no room on its right.
+            let side = if preset.time * 1.3 > times.end {
+                HPos::Right
+            } else {
+                HPos::Left
+            };
+            let style = text.clone().pos(Pos::new(side, VPos::Center));
+            chart.draw_series([Text::new(format!("  {}  ", preset.label), at, style)])?;
         }
         chart
             .configure_series_labels()
@@ -172,12 +178,11 @@ impl Ranged for LogAxis {
     fn key_points<Hint: KeyPointHint>(&self, _hint: Hint) -> Vec<f64> {
         let first = self.0.start.log10().floor() as i32;
         let last = self.0.end.log10().ceil() as i32;
-        let decades = last - first;
-        // Over many decades fewer ticks, or their labels would touch.
-        let steps: &[f64] = if decades > 3 {
-            &[1.0, 3.0]
-        } else {
-            &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0]
+        // The longer the axis the fewer ticks, or their labels would touch.
+        let steps: &[f64] = match self.0.end / self.0.start {
+            1000.0.. => &[1.0, 3.0],
+            50.0.. => &[1.0, 2.0, 5.0],
+            _ => &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0],
         };
         (first..=last)
             .flat_map(|decade| steps.iter().map(move |s| s * 10_f64.powi(decade)))
