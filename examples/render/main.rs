@@ -100,8 +100,9 @@ pub(crate) struct Options {
     /// say how far that is from all of it at full resolution.
     #[arg(long)]
     multires: bool,
-    /// The sky of `--effect do`: dim, or the same with a small bright sun.
-    #[arg(long, default_value = "sunny", value_parser = sky::NAMES)]
+    /// The sky of `--effect do`: `dim`, `sunny`, which is the same with a small bright sun, or a file (EXR, HDR, PNG or JPEG)
+    /// whose columns are longitudes and whose rows are latitudes, from the top.
+    #[arg(long, default_value = "sunny")]
     sky: String,
     /// Perceptual roughness of all surfaces, 0 to 1, for `--effect specular`.
     #[arg(long, default_value_t = 0.3, value_parser = view::parse_share)]
@@ -366,7 +367,7 @@ fn truth(
     let reach = f64::from(radius);
     match options.effect.as_str() {
         "do" => {
-            let shown = sky::by_name(&options.sky).ok_or("no such sky")?;
+            let shown = sky::open(&options.sky, u32::MAX)?;
             let cells = Cells::new(shown, DQuat::IDENTITY);
             Ok(tracer.environment_image(&receivers, &cells, (reach, rays), 1, true))
         }

@@ -191,7 +191,7 @@ pub fn splat_of(
     if scene.holes.is_some() {
         eprintln!("render: splats take alpha-tested triangles for whole");
     }
-    let shown = sky::by_name(&options.sky).ok_or("no such sky")?;
+    let shown = asked_sky(options, gpu)?;
     let size = [shot.width, shot.height];
     let meshes = buffers.meshes();
     let (renderer, rendered, capacity) = with_room(
@@ -200,8 +200,8 @@ pub fn splat_of(
         |capacity| {
             let mut renderer =
                 Renderer::of(gpu, effect, capacity, size, preset.splat.levels, false)?;
-            if effect.environment {
-                renderer.environment = Some(under(gpu, &shown)?);
+            if let Some(shown) = &shown {
+                renderer.environment = Some(under(gpu, shown)?);
             }
             renderer.roughness = effect.roughness.then(|| roughness(gpu, options, size));
             Ok(renderer)
@@ -273,6 +273,14 @@ fn splatted(options: &Options) -> Result<Effect, Error> {
             Ok(effect.effect())
         }
     }
+}
+
+/// The sky's picture, for the effect that is of one.
+fn asked_sky(options: &Options, gpu: &Gpu) -> Result<Option<Picture>, String> {
+    let most = gpu.device.limits().max_texture_dimension_2d;
+    (options.effect == "do")
+        .then(|| sky::open(&options.sky, most))
+        .transpose()
 }
 
 /// The sky that was asked for, for rays and for sums.
@@ -347,14 +355,14 @@ pub fn bounced(
     };
     let surfels = if room.bounces > 1 { options.surfels } else { 0 };
     let lights = &shot.lights;
-    let shown = sky::by_name(&options.sky).ok_or("no such sky")?;
+    let shown = asked_sky(options, gpu)?;
     let (renderer, picture, capacity) = with_room(
         (gpu, options, &buffers),
         surfels,
         |capacity| {
             let mut renderer = BouncedRenderer::new(gpu, payload, capacity, size, room)?;
-            if payload == Payload::Sky {
-                renderer.scene.environment = Some(under(gpu, &shown)?);
+            if let Some(shown) = &shown {
+                renderer.scene.environment = Some(under(gpu, shown)?);
             }
             renderer.roughness = glossy.then(|| roughness(gpu, options, size));
             Ok(renderer)

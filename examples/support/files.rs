@@ -50,6 +50,38 @@ pub fn write_png(path: &Path, width: u32, height: u32, values: &[f32]) -> Result
         .map_err(|e| format!("{}: {e}", path.display()))
 }
 
+/// Columns and rows, and texels from the top: of an EXR or HDR file as they are, of others, which hold sRGB, in linear light.
+pub fn read_radiance(path: &Path) -> Result<([usize; 2], Vec<[f32; 3]>), String> {
+    let problem = |e: &dyn std::fmt::Display| format!("{}: {e}", path.display());
+    if path
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("exr"))
+    {
+        use exr::prelude::*;
+        let image = read_first_rgba_layer_from_file(
+            path,
+            |size, _| (size, vec![[0.0; 3]; size.area()]),
+            |(size, texels): &mut (Vec2<usize>, Vec<[f32; 3]>),
+             at,
+             (r, g, b, _): (f32, f32, f32, f32)| {
+                texels[at.flat_index_for_size(*size)] = [r, g, b];
+            },
+        )
+        .map_err(|e| problem(&e))?;
+        let (size, texels) = image.layer_data.channel_data.pixels;
+        return Ok(([size.width(), size.height()], texels));
+    }
+    let image = image::open(path).map_err(|e| problem(&e))?;
+    let is_linear = matches!(
+        image.color(),
+        image::ColorType::Rgb32F | image::ColorType::Rgba32F
+    );
+    let image = image.into_rgb32f();
+    let size = [image.width(), image.height()].map(|n| n as usize);
+    let to_light = |v: f32| if is_linear { v } else { from_srgb(v) };
+    Ok((size, image.pixels().map(|p| p.0.map(to_light)).collect()))
+}
+
 /// Colours times `exposure`, 0…1 shown with the sRGB curve.
 pub fn write_png_rgb(
     path: &Path,
@@ -73,6 +105,15 @@ pub fn tone_map(radiance: &[[f32; 3]], exposure: f32) -> Vec<[f32; 3]> {
         .iter()
         .map(|color| color.map(|v| 1.0 - (-exposure * v).exp()))
         .collect()
+}
+
+/// The light that an sRGB value of 0 to 1 stands for.
+pub fn from_srgb(encoded: f32) -> f32 {
+    if encoded <= 0.04045 {
+        encoded / 12.92
+    } else {
+        ((encoded + 0.055) / 1.055).powf(2.4)
+    }
 }
 
 fn srgb(linear: f32) -> u8 {

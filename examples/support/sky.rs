@@ -1,14 +1,16 @@
-//! Environments made in code.
+//! Environments made in code, and of files.
+
+use std::path::Path;
 
 use deep_screen_space::{
     Environment, EnvironmentBuilder, EnvironmentInput, EnvironmentSettings, EnvironmentSource,
     Error,
-    glam::DVec3,
+    glam::{DVec3, Vec3},
     reference::environment::Picture,
     wgpu::{TextureFormat, TextureView},
 };
 
-use super::gpu::Gpu;
+use super::{files, gpu::Gpu};
 
 pub const NAMES: [&str; 2] = ["sunny", "dim"];
 
@@ -38,6 +40,25 @@ pub fn by_name(name: &str) -> Option<Picture> {
         "dim" => Some(Picture::of(size, dim)),
         _ => None,
     }
+}
+
+/// One of [`NAMES`], or a file's: a picture of latitude and longitude, rows from the top, of at most so many columns and rows.
+pub fn open(name: &str, most: u32) -> Result<Picture, String> {
+    if let Some(picture) = by_name(name) {
+        return Ok(picture);
+    }
+    let (size, texels) = files::read_radiance(Path::new(name))?;
+    if size.iter().any(|&n| n > most as usize) {
+        let [width, height] = size;
+        return Err(format!(
+            "{name}: {width}x{height} texels, and this device reads {most}x{most}"
+        ));
+    }
+    let texels = texels.iter().map(|t| Vec3::from_array(*t).as_dvec3());
+    Ok(Picture {
+        size,
+        texels: texels.collect(),
+    })
 }
 
 /// A picture as a texture.

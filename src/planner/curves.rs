@@ -37,33 +37,33 @@ pub(super) struct Curves {
 /// Visibility within a radius.
 pub(super) const WITHIN_RADIUS: Curves = Curves {
     rays: Curve {
-        errors: &[1.519, 1.320, 1.0, 0.868, 0.732, 0.638, 0.562],
+        errors: &[1.519, 1.324, 1.0, 0.849, 0.700, 0.598, 0.514],
         typical: 0.0268,
-        of_difference: 1.482,
+        of_difference: 1.403,
     },
     splats: Some(Curve {
         errors: &[1.0, 0.823, 0.783],
         typical: 0.0701,
-        of_difference: 1.066,
+        of_difference: 1.059,
     }),
     obscurance: Some(Curve {
         errors: &[1.0, 0.978, 0.952],
         typical: 0.1226,
-        of_difference: 1.031,
+        of_difference: 1.027,
     }),
 };
 
 /// Visibility without a radius.
 pub(super) const UNBOUNDED: Curves = Curves {
     rays: Curve {
-        errors: &[1.607, 1.403, 1.0, 0.850, 0.714, 0.626, 0.558],
+        errors: &[1.604, 1.391, 1.0, 0.843, 0.693, 0.595, 0.520],
         typical: 0.0255,
-        of_difference: 1.346,
+        of_difference: 1.296,
     },
     splats: Some(Curve {
         errors: &[1.0, 0.858, 0.830],
         typical: 0.0756,
-        of_difference: 1.041,
+        of_difference: 1.036,
     }),
     obscurance: None,
 };

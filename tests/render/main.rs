@@ -8,6 +8,7 @@ mod files;
 mod gltf;
 mod places;
 mod room;
+mod skies;
 
 use std::{path::PathBuf, sync::LazyLock};
 

@@ -13,6 +13,7 @@ use gltf::{
 use image::{ImageReader, Limits};
 
 use super::{File, buffers::read_uri};
+use crate::files::from_srgb;
 
 /// Texels a side that are kept of an image: triangles' means need no more.
 const KEPT: u32 = 1024;
@@ -170,14 +171,7 @@ struct Pyramid {
 
 impl Pyramid {
     fn new(image: &image::RgbImage) -> Self {
-        let linear: [f32; 256] = std::array::from_fn(|i| {
-            let c = i as f32 / 255.0;
-            if c <= 0.04045 {
-                c / 12.92
-            } else {
-                ((c + 0.055) / 1.055).powf(2.4)
-            }
-        });
+        let linear: [f32; 256] = std::array::from_fn(|i| from_srgb(i as f32 / 255.0));
         let (width, height) = image.dimensions();
         let step = width.max(height).div_ceil(KEPT).max(1);
         let mut levels = vec![Level::reduce([width, height], step, |x, y| {
