@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # Runs the tests of rays that the device traces (tests/ray_query), on a software driver that has such rays.
-# Usage: scripts/ray_query.sh [--times] [ARGUMENTS of the test program]
+# Usage: scripts/ray_query.sh [ARGUMENTS of the test program], or scripts/ray_query.sh --times
 #
 # The driver is lavapipe of Mesa 24.2 or newer, which older distributions do not have. On Debian it is downloaded from the next
 # release, with all that it needs down to the C library, into a folder of its own: nothing of the machine changes, and the tests
 # are run by that folder's loader. Elsewhere VK_DRIVER_FILES names the driver, and nothing is downloaded.
-# --times prints what the device takes over what the crate takes, and tests nothing. Exit 77: there is no such driver to be had.
+# --times runs the package's bench: what the device takes over what the crate takes. Exit 77: no such driver is to be had.
 set -euo pipefail
 root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)
 # shellcheck source=scripts/vulkan.sh
@@ -32,6 +32,9 @@ else
   say "Vulkan driver: $VK_DRIVER_FILES"
   runner=(--config "target.'cfg(all())'.runner = ['$loader', '--library-path', '$libraries']")
 fi
-arguments=("$@")
-[ "${1:-}" != --times ] || arguments=(--ignored --nocapture "${@:2}")
-cargo "${runner[@]}" test --locked --manifest-path "$root/Cargo.toml" --package deep-screen-space-ray-query -- "${arguments[@]}"
+what=(test)
+if [ "${1:-}" = --times ]; then
+  what=(bench --bench times)
+  shift
+fi
+cargo "${runner[@]}" "${what[@]}" --locked --manifest-path "$root/Cargo.toml" --package deep-screen-space-ray-query -- "$@"

@@ -126,6 +126,7 @@ mod recorded;
 pub mod reference;
 mod reflection;
 mod reflective_shadow_map;
+mod room;
 #[cfg(feature = "scenes")]
 pub mod scenes;
 mod screen_space_gi;

@@ -10,7 +10,7 @@ use crate::{
     error::{Error, check_setting},
     geometry::{check_size, check_usage},
     gpu::{
-        Kernel, Timestamps,
+        Timestamps,
         binding::{Layout, Named, Resource, check_first, first},
         compute_pass, shader,
     },
@@ -151,17 +151,7 @@ impl WorkKernel {
         } = descriptor;
         let variant = |list: bool| -> Result<_, Error> {
             let module = shader::create(device, label, source(list)?);
-            let layout = module.layout(device, &[entry]);
-            let pipeline = Kernel {
-                label,
-                module: &module,
-                entry,
-                layouts: &[&layout.raw],
-                constants,
-                cache,
-            }
-            .create(device);
-            Ok((layout, pipeline))
+            Ok(module.kernel(device, entry, constants, cache))
         };
         Ok(Self {
             label,

@@ -19,7 +19,7 @@ use crate::{
     error::{Error, check_limit},
     geometry::Geometry,
     gpu::{
-        Kernel, WORKGROUP,
+        WORKGROUP,
         binding::{Group, Kept, Layout, Resource, part, whole},
         dispatch, shader, storage,
         texture::Plane,
@@ -130,16 +130,7 @@ pub(crate) type Cuts = Vec<(Group, u32)>;
 impl AlphaTestPass {
     pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
         let module = shader::create(device, LABEL, source()?);
-        let layout = module.layout(device, &["cut_pieces"]);
-        let cut_pieces = Kernel {
-            label: LABEL,
-            module: &module,
-            entry: "cut_pieces",
-            layouts: &[&layout.raw],
-            constants: &[],
-            cache,
-        }
-        .create(device);
+        let (layout, cut_pieces) = module.kernel(device, "cut_pieces", &[], cache);
         Ok(Self {
             layout,
             cut_pieces,

@@ -16,7 +16,7 @@ use crate::{
     effect::Listing,
     error::{Error, check_limit},
     gpu::{
-        Kernel, Timestamps, WORKGROUP,
+        Timestamps, WORKGROUP,
         binding::{Kept, Layout, whole},
         dispatch, end_pass, first_pass, shader, storage,
     },
@@ -148,16 +148,7 @@ fn source() -> Result<String, Error> {
 impl DeviceBvhPass {
     pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
         let module = shader::create(device, LABEL, source()?);
-        let layout = module.layout(device, &["place_corners"]);
-        let place_corners = Kernel {
-            label: LABEL,
-            module: &module,
-            entry: "place_corners",
-            layouts: &[&layout.raw],
-            constants: &[],
-            cache,
-        }
-        .create(device);
+        let (layout, place_corners) = module.kernel(device, "place_corners", &[], cache);
         Ok(Self {
             layout,
             place_corners,

@@ -10,7 +10,7 @@ use crate::{
     effect::Listing,
     error::Error,
     gpu::{
-        Kernel, Timestamps,
+        Timestamps,
         binding::{Kept, Layout, view, whole},
         compute_pass, shader, storage,
         uniforms::{Parameters, Uniforms},
@@ -129,17 +129,7 @@ impl DepthMomentsPass {
     pub fn new(device: &Device, cache: Option<&PipelineCache>) -> Result<Self, Error> {
         let create = |depth: bool| -> Result<_, Error> {
             let module = shader::create(device, LABEL, source(depth)?);
-            let layout = module.layout(device, &["halve"]);
-            let pipeline = Kernel {
-                label: LABEL,
-                module: &module,
-                entry: "halve",
-                layouts: &[&layout.raw],
-                constants: &[],
-                cache,
-            }
-            .create(device);
-            Ok((layout, pipeline))
+            Ok(module.kernel(device, "halve", &[], cache))
         };
         Ok(Self {
             first: create(true)?,

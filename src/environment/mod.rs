@@ -18,7 +18,7 @@ use crate::{
     error::{Error, check_setting},
     gpu::compiler::Compiler,
     gpu::{
-        Kernel, Timestamps,
+        Timestamps,
         binding::{Layout, Named, view, whole},
         check_timestamps, compute_pass, shader, storage,
         uniforms::{Parameters, Place, Uniforms},
@@ -240,24 +240,13 @@ impl EnvironmentBuilder {
     /// None today.
     pub fn new<'a>(compiler: impl Into<Compiler<'a>>) -> Result<Self, Error> {
         let Compiler { device, cache } = compiler.into();
-        let create = |module: &shader::Shader, entry: &str| {
-            let layout = module.layout(device, &[entry]);
-            let pipeline = Kernel {
-                label: LABEL,
-                module,
-                entry,
-                layouts: &[&layout.raw],
-                constants: &[],
-                cache,
-            }
-            .create(device);
-            (layout, pipeline)
-        };
         let picture = shader::create(device, LABEL, source(false)?);
         let summed = shader::create(device, LABEL, source(true)?);
         Ok(Self {
-            picture: STAGES.map(|entry| create(&picture, entry)).into(),
-            summed: create(&summed, STAGES[0]),
+            picture: STAGES
+                .map(|entry| picture.kernel(device, entry, &[], cache))
+                .into(),
+            summed: summed.kernel(device, STAGES[0], &[], cache),
             uniforms: Uniforms::new(LABEL),
         })
     }

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use super::{
+    Kernel,
     binding::Layout,
     interface::Interface,
     preprocess::{Mistake, Module, preprocess},
@@ -160,6 +161,27 @@ impl Shader {
     pub fn layout_of(&self, device: &wgpu::Device, group: u32, entries: &[&str]) -> Layout {
         let (own, foreign) = (&self.interface, &self.foreign);
         Layout::new(device, &self.label, own, group, entries, foreign)
+    }
+
+    /// An entry point that shares its bindings with no other: what it binds, and its pipeline.
+    pub fn kernel(
+        &self,
+        device: &wgpu::Device,
+        entry: &str,
+        constants: &[(&str, f64)],
+        cache: Option<&wgpu::PipelineCache>,
+    ) -> (Layout, wgpu::ComputePipeline) {
+        let layout = self.layout(device, &[entry]);
+        let pipeline = Kernel {
+            label: &self.label,
+            module: self,
+            entry,
+            layouts: &[&layout.raw],
+            constants,
+            cache,
+        }
+        .create(device);
+        (layout, pipeline)
     }
 }
 

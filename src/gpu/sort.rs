@@ -217,16 +217,7 @@ pub(super) mod tests {
               if id.x < arrayLength(&a) { b[id.x] = a[id.x]; }
             }";
         let module = shader::create(device, "copy", source.into());
-        let layout = module.layout(device, &["copy"]);
-        let copy = Kernel {
-            label: "copy",
-            module: &module,
-            entry: "copy",
-            layouts: &[&layout.raw],
-            constants: &[],
-            cache: None,
-        }
-        .create(device);
+        let (layout, copy) = module.kernel(device, "copy", &[], None);
         let sorted = storage(
             device,
             "sorted",

@@ -201,7 +201,6 @@ mod tests {
 
     use super::*;
     use crate::gpu::{
-        Kernel,
         binding::{Kept, Layout, whole},
         shader,
         sort::tests::device,
@@ -226,16 +225,7 @@ mod tests {
                 @compute @workgroup_size(1)
                 fn write() { written[params.at] = params.value; }";
             let module = shader::create(device, "uniforms", source.into());
-            let layout = module.layout(device, &["write"]);
-            let pipeline = Kernel {
-                label: "uniforms",
-                module: &module,
-                entry: "write",
-                layouts: &[&layout.raw],
-                constants: &[],
-                cache: None,
-            }
-            .create(device);
+            let (layout, pipeline) = module.kernel(device, "write", &[], None);
             let written = storage(device, "written", 4 * 4096, BufferUsages::COPY_SRC);
             Self {
                 layout,

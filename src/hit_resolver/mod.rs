@@ -21,7 +21,7 @@ use crate::{
     gpu::compiler::Compiler,
     gpu::listing::name_of,
     gpu::{
-        Kernel, Timestamps,
+        Timestamps,
         binding::{Groups, Kept, Layout, Named, Resource, view, whole},
         check_timestamps, compute_pass, first_pass,
         screen::{self, Screen},
@@ -253,27 +253,9 @@ impl HitResolver {
         };
         let constants = [("SAMPLING", f64::from(descriptor.sampling.code()))];
         let of = module(HitStage::Average)?;
-        let average_layout = of.layout(device, &["average"]);
-        let average = Kernel {
-            label: LABEL,
-            module: &of,
-            entry: "average",
-            layouts: &[&average_layout.raw],
-            constants: &constants,
-            cache,
-        }
-        .create(device);
+        let (average_layout, average) = of.kernel(device, "average", &constants, cache);
         let of = module(HitStage::Near)?;
-        let near_layout = of.layout(device, &["near"]);
-        let near = Kernel {
-            label: LABEL,
-            module: &of,
-            entry: "near",
-            layouts: &[&near_layout.raw],
-            constants: &[],
-            cache,
-        }
-        .create(device);
+        let (near_layout, near) = of.kernel(device, "near", &[], cache);
         let screen = |stage| -> Result<_, Error> {
             let of = module(stage)?;
             let layout = of.layout(device, &["reconstruct"]);

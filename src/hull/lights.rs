@@ -13,6 +13,7 @@ use crate::{
     reflective_shadow_map::{
         ReflectiveShadowMap, ReflectiveShadowMapInput, ReflectiveShadowMapView,
     },
+    room::room_for,
     sg_hull::{bound::GathererBinding, gatherer::Gatherer},
 };
 
@@ -88,21 +89,20 @@ impl HullLights {
     ) -> Result<(), Error> {
         let Viewport { width, height, .. } = input.camera.viewport();
         let size = [width, height];
-        if self.room.as_ref().is_none_or(|room| room.size != size) {
-            // The old ones go before there are new ones.
-            self.room = None;
-            let map = self.map.create_view(device, width, height)?;
-            self.room = Some(Room {
-                size,
-                receivers: self.decoder.create_receivers(device, width, height)?,
-                binding: self.gatherer.bind_map(device, &map)?,
-                map,
-                origin: input.origin,
-            });
-        }
-        let Some(room) = &mut self.room else {
-            return Ok(());
-        };
+        let room = room_for(
+            &mut self.room,
+            |room| room.size == size,
+            || {
+                let map = self.map.create_view(device, width, height)?;
+                Ok(Room {
+                    size,
+                    receivers: self.decoder.create_receivers(device, width, height)?,
+                    binding: self.gatherer.bind_map(device, &map)?,
+                    map,
+                    origin: input.origin,
+                })
+            },
+        )?;
         let frame = FrameInput {
             origin: input.origin,
             ..FrameInput::new(input.gbuffer, input.camera)

@@ -10,6 +10,7 @@ use crate::{
     gbuffer::GBuffer,
     gpu::compiler::Compiler,
     receivers::{FrameInput, GBufferDecoder, Receivers},
+    room::room_for,
     sg_hull::{
         SgHull, SgHullDescriptor, SgHullInput,
         bound::GathererBinding,
@@ -146,20 +147,18 @@ impl HullView {
     ) -> Result<(), Error> {
         let Viewport { width, height, .. } = input.camera.viewport();
         let size = [width, height];
-        if self.room.as_ref().is_none_or(|room| room.size != size) {
-            // The old ones go before there are new ones.
-            self.room = None;
-            self.room = Some(Room {
-                size,
-                receivers: self.decoder.create_receivers(device, width, height)?,
-                view: self
-                    .hull
-                    .create_view(device, SgHullSize::new(width, height))?,
-            });
-        }
-        let Some(room) = &mut self.room else {
-            return Ok(());
-        };
+        let room = room_for(
+            &mut self.room,
+            |room| room.size == size,
+            || {
+                let hull_size = SgHullSize::new(width, height);
+                Ok(Room {
+                    size,
+                    receivers: self.decoder.create_receivers(device, width, height)?,
+                    view: self.hull.create_view(device, hull_size)?,
+                })
+            },
+        )?;
         let frame = FrameInput {
             origin: input.origin,
             ..FrameInput::new(input.gbuffer, input.camera)

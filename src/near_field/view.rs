@@ -19,6 +19,7 @@ use crate::{
         settings::MultiResReconstructorSettings,
     },
     receivers::{plane_bytes, plane_for},
+    room::room_for,
     screen_space_gi::{ScreenSpaceGi, ScreenSpaceGiInput, settings::ScreenSpaceGiSettings},
     soft_shadows::{SoftShadows, SoftShadowsInput, settings::SoftShadowsSettings},
     surfel_shader::ShadowMap,
@@ -304,29 +305,24 @@ impl NearFieldView {
         } = masks;
         let is_shadow = matches!(self.effect, Wired::SoftShadows(..));
         let Viewport { width, height, .. } = input.camera.viewport();
-        if room
-            .as_ref()
-            .is_none_or(|room| room.masks.size() != [width, height])
-        {
-            // The old textures go before there are new ones.
-            *room = None;
-            let label = "deep-screen-space hard shadows";
-            let usages = TextureUsages::STORAGE_BINDING;
-            let hard = || plane_for(device, label, HARD, [width, height], 1, usages);
-            *room = Some(Room {
-                masks: mask.create_view(device, width, height, false)?,
-                images: reconstructor.create_images(device, width, height, settings)?,
-                hard: is_shadow.then(hard).transpose()?,
-            });
-        }
-        let Some(Room {
+        let Room {
             masks,
             images,
             hard,
-        }) = room
-        else {
-            return Ok(());
-        };
+        } = room_for(
+            room,
+            |room| room.masks.size() == [width, height],
+            || {
+                let label = "deep-screen-space hard shadows";
+                let usages = TextureUsages::STORAGE_BINDING;
+                let hard = || plane_for(device, label, HARD, [width, height], 1, usages);
+                Ok(Room {
+                    masks: mask.create_view(device, width, height, false)?,
+                    images: reconstructor.create_images(device, width, height, settings)?,
+                    hard: is_shadow.then(hard).transpose()?,
+                })
+            },
+        )?;
         if let Some(hard) = hard {
             self.effect
                 .record_hard_shadows(device, encoder, input, (&*hard).into())?;

@@ -1,5 +1,7 @@
 //! How the error falls along each method's settings: `cargo bench --bench trade` measures it, and prints this table.
 
+use super::MethodKind;
+
 /// Rays per pixel of the rungs.
 pub(super) const RAYS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
 
@@ -32,6 +34,17 @@ pub(super) struct Curves {
     pub rays: Curve,
     pub splats: Option<Curve>,
     pub obscurance: Option<Curve>,
+}
+
+impl Curves {
+    /// That of one method, where it was measured.
+    pub fn of(&self, kind: MethodKind) -> Option<Curve> {
+        match kind {
+            MethodKind::Rays => Some(self.rays),
+            MethodKind::Splats => self.splats,
+            MethodKind::Obscurance => self.obscurance,
+        }
+    }
 }
 
 /// Visibility within a radius.

@@ -3,7 +3,6 @@
 //! Errors follow curves that `cargo bench --bench trade` measured on the crate's scenes. How steeply they fall is nearly the same
 //! everywhere, how high they begin is not: a [`Calibration`] of one's own scene tells that, by the difference of two pictures.
 //! Times follow what the same pictures took on the device.
-
 //!
 //! # Example
 //!
@@ -38,10 +37,10 @@
 mod adaptive;
 mod calibration;
 mod curves;
+mod expected;
+mod table;
 #[cfg(test)]
 mod tests;
-
-use std::fmt;
 
 use wgpu::Limits;
 
@@ -51,15 +50,14 @@ pub use calibration::{Calibration, MethodCalibration, MethodKind};
 use crate::{
     bvh::Primitives,
     error::{Error, check_setting},
-    instanced_bvh::INSTANCE_BYTES,
     ray_traced::{
         quality::{Quality, RaySettings, SplatQuality},
         view::RayTracedEffect,
     },
-    surfel::{CloudCapacity, Piece},
+    surfel::Piece,
     volumetric_obscurance::{VolumetricObscuranceDescriptor, settings::ObscuranceSettings},
 };
-use curves::{Curve, Curves};
+use expected::{candidates, primitives_for};
 
 /// Of what is predicted, the error of nine settings out of ten is at most this, in a scene that no curve was measured in.
 const MARGIN: f64 = 1.25;
@@ -178,7 +176,7 @@ pub fn plan(request: &PlanRequest<'_>) -> Result<Plan, Error> {
     let (primitives, refused) = primitives_for(request);
     let mut weighed = Vec::new();
     for kind in MethodKind::ALL {
-        if let Some(curve) = curve_of(&curves, kind) {
+        if let Some(curve) = curves.of(kind) {
             let rungs = match (kind, request.budget) {
                 (MethodKind::Rays, Budget::Quality(quality)) => {
                     vec![Method::Rays(quality.rays(request.effect.payload()))]
@@ -260,103 +258,6 @@ fn check(request: &PlanRequest<'_>) -> Result<(), Error> {
     }
 }
 
-fn curve_of(curves: &Curves, kind: MethodKind) -> Option<Curve> {
-    match kind {
-        MethodKind::Rays => Some(curves.rays),
-        MethodKind::Splats => curves.splats,
-        MethodKind::Obscurance => curves.obscurance,
-    }
-}
-
-/// One level where it fits, since rays traverse it faster.
-fn primitives_for(request: &PlanRequest<'_>) -> (Primitives, Option<String>) {
-    let most = u64::from(CloudCapacity::largest(request.limits).pieces);
-    let SceneCounts {
-        triangles,
-        mesh_triangles,
-        instances,
-    } = request.scene;
-    if triangles <= most {
-        return (Primitives::Triangles, None);
-    }
-    let most_instances = request.limits.max_storage_buffer_binding_size / INSTANCE_BYTES;
-    // Within one texture of triangles, four times what one binding holds.
-    let refused = if mesh_triangles > 4 * most {
-        Some(format!(
-            "{mesh_triangles} triangles of meshes are more than a device has room for"
-        ))
-    } else if instances > most_instances {
-        Some(format!(
-            "{instances} instances are more than {most_instances}, which one binding holds"
-        ))
-    } else {
-        None
-    };
-    (Primitives::Instances, refused)
-}
-
-/// Settings of one method, with what is expected of each.
-fn candidates(
-    request: &PlanRequest<'_>,
-    (kind, rungs): (MethodKind, &[Method]),
-    curve: &Curve,
-    (primitives, refused): (Primitives, &Option<String>),
-) -> Vec<Candidate> {
-    let calibrated = request.calibration.and_then(|c| Some((c, c.of(kind)?)));
-    let first = calibrated
-        .and_then(|(_, known)| known.difference)
-        .map_or(curve.typical, |difference| difference * curve.of_difference);
-    let works: Vec<f64> = kind
-        .rungs(&request.effect)
-        .iter()
-        .map(Method::work)
-        .collect();
-    let cheap = works.get(kind.cheap()).copied().unwrap_or_default();
-    let dear = works.last().copied().unwrap_or_default();
-    let candidate = |&method: &Method| Candidate {
-        method,
-        error: first * curve.at(&works, method.work()),
-        milliseconds: calibrated.map(|(calibration, known)| {
-            let share = (method.work() - cheap) / (dear - cheap);
-            let [low, high] = known.view_ms;
-            let scale = Scale::new(request, calibration, kind);
-            scale.scene * known.scene_ms + scale.view * (low + share * (high - low)).max(0.0)
-        }),
-        memory_bytes: memory(request, &method, primitives),
-        refused: match kind {
-            MethodKind::Rays => refused.clone(),
-            MethodKind::Splats if primitives == Primitives::Instances => {
-                Some("more triangles than one binding holds".into())
-            }
-            _ => None,
-        },
-    };
-    rungs.iter().map(candidate).collect()
-}
-
-/// How times grow from the calibrated scene and size to those asked for.
-struct Scale {
-    scene: f64,
-    view: f64,
-}
-
-impl Scale {
-    fn new(request: &PlanRequest<'_>, calibration: &Calibration, kind: MethodKind) -> Self {
-        let pixels = |[width, height]: [u32; 2]| f64::from(width) * f64::from(height);
-        let asked = request.scene.triangles.max(1) as f64;
-        let known = f64::from(calibration.triangles);
-        // A ray's way through a tree is as long as the tree is deep.
-        let deeper = match kind {
-            MethodKind::Rays => (asked + 1.0).log2() / (known + 1.0).log2(),
-            MethodKind::Splats | MethodKind::Obscurance => 1.0,
-        };
-        Self {
-            scene: asked / known,
-            view: pixels(request.size) / pixels(calibration.size) * deeper,
-        }
-    }
-}
-
 impl Method {
     /// The kind of it.
     pub fn kind(&self) -> MethodKind {
@@ -366,54 +267,6 @@ impl Method {
             Self::Obscurance { .. } => MethodKind::Obscurance,
         }
     }
-
-    /// What its time grows with: rays or reads per pixel, or pairs relative to those of `balanced`.
-    fn work(&self) -> f64 {
-        match self {
-            Self::Rays(rays) => rays.all_rays(),
-            // Pairs grow with the inverse square of the radius, as far as surfels are larger than triangles.
-            Self::Splats(splats) => f64::from(splats.surfelizer.radius_pixels).powi(-1),
-            Self::Obscurance { descriptor, .. } => f64::from(descriptor.sampling.samples()),
-        }
-    }
-}
-
-/// What the objects of a method own. In floats, since no count is too large for them; an integer of them saturates.
-fn memory(request: &PlanRequest<'_>, method: &Method, primitives: Primitives) -> u64 {
-    let [width, height] = request.size.map(f64::from);
-    let pixels = width * height;
-    let SceneCounts {
-        triangles,
-        mesh_triangles,
-        instances,
-    } = request.scene;
-    let [triangles, mesh_triangles, instances] =
-        [triangles, mesh_triangles, instances].map(|count| count as f64);
-    let bytes = match method {
-        Method::Rays(rays) => {
-            let scene = match primitives {
-                // A quarter more room than there are triangles.
-                Primitives::Triangles => 1.25 * (151.0 + 52.0 + 4.0) * triangles,
-                _ => (79.0 + 123.0) * mesh_triangles + 1.25 * 312.0 * instances,
-            };
-            let hits = if request.effect.payload().is_radiance() {
-                4 + 4 * rays.rays_per_pixel
-            } else {
-                4 + 4 * rays.rays_per_pixel.div_ceil(32)
-            };
-            let further = if rays.further.is_some() { 29.0 } else { 0.0 };
-            scene + pixels * (16.0 + f64::from(hits) + 20.0 + further)
-        }
-        Method::Splats(splats) => {
-            let radius = f64::from(splats.surfelizer.radius_pixels);
-            // About as many surfels as there are disks of that radius in the picture, on each side of what is seen.
-            let surfels = 4.0 * pixels / (radius * radius) + triangles;
-            let levels = f64::from(splats.splat.levels);
-            (32.0 + 2.0 * levels) * surfels + 56.0 * triangles + pixels * (16.0 + 8.0 * levels)
-        }
-        Method::Obscurance { .. } => 0.0,
-    };
-    bytes as u64
 }
 
 /// What meets the budget, or comes nearest, and by how much it misses.
@@ -459,50 +312,5 @@ fn choose<'c>(
         }
         // There is one.
         Budget::Quality(_) => all().next().map(|found| (found, None)),
-    }
-}
-
-impl fmt::Display for Method {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Rays(rays) => write!(f, "{} rays per pixel", rays.all_rays()),
-            Self::Splats(splats) => {
-                write!(f, "surfels of {} pixels", splats.surfelizer.radius_pixels)
-            }
-            Self::Obscurance { descriptor, .. } => {
-                write!(
-                    f,
-                    "obscurance, {} reads per pixel",
-                    descriptor.sampling.samples()
-                )
-            }
-        }
-    }
-}
-
-/// A table of what was weighed.
-impl fmt::Display for Plan {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for candidate in &self.weighed {
-            let mark = if *candidate == self.chosen { '>' } else { ' ' };
-            let time = candidate
-                .milliseconds
-                .map_or_else(|| "-".into(), |time| format!("{time:.2} ms"));
-            let megabytes = candidate.memory_bytes as f64 / 1e6;
-            let refused = candidate.refused.as_deref().unwrap_or_default();
-            let Candidate { method, error, .. } = candidate;
-            let method = method.to_string();
-            writeln!(
-                f,
-                "{mark} {method:32} {error:8.4} {time:>12} {megabytes:9.1} MB {refused}"
-            )?;
-        }
-        match self.misses_by {
-            Some(factor) => writeln!(
-                f,
-                "nothing meets the budget: it is missed by a factor of {factor:.2}"
-            ),
-            None => Ok(()),
-        }
     }
 }

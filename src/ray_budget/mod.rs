@@ -12,7 +12,7 @@ use crate::{
     effect::Listing,
     error::Error,
     gpu::{
-        Kernel, Timestamps,
+        Timestamps,
         binding::{Kept, Layout, view, whole},
         check_timestamps,
         compiler::Compiler,
@@ -97,21 +97,8 @@ impl RayBudget {
     pub fn new<'a>(compiler: impl Into<Compiler<'a>>) -> Result<Self, Error> {
         let Compiler { device, cache } = compiler.into();
         let module = shader::create(device, LABEL, source()?);
-        let stage = |entry| {
-            let layout = module.layout(device, &[entry]);
-            let pipeline = Kernel {
-                label: LABEL,
-                module: &module,
-                entry,
-                layouts: &[&layout.raw],
-                constants: &[],
-                cache,
-            }
-            .create(device);
-            (layout, pipeline)
-        };
         Ok(Self {
-            stages: STAGES.map(stage),
+            stages: STAGES.map(|entry| module.kernel(device, entry, &[], cache)),
             uniforms: Uniforms::new(LABEL),
         })
     }

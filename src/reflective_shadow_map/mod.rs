@@ -13,7 +13,7 @@ use crate::{
     error::{Error, check_setting},
     gpu::compiler::Compiler,
     gpu::{
-        Kernel, Timestamps,
+        Timestamps,
         binding::{Layout, view, whole},
         check_timestamps, compute_pass, shader, storage,
         uniforms::Uniforms,
@@ -117,16 +117,7 @@ impl ReflectiveShadowMap {
         let Compiler { device, cache } = compiler.into();
         let source = shader::assemble("reflective_shadow_map", SOURCE, &[], &[])?;
         let module = shader::create(device, LABEL, source);
-        let layout = module.layout(device, &["texel_to_light"]);
-        let kernel = Kernel {
-            label: LABEL,
-            module: &module,
-            entry: "texel_to_light",
-            layouts: &[&layout.raw],
-            constants: &[],
-            cache,
-        }
-        .create(device);
+        let (layout, kernel) = module.kernel(device, "texel_to_light", &[], cache);
         Ok(Self {
             layout,
             kernel,

@@ -13,7 +13,7 @@ use crate::{
     geometry::Material,
     gpu::compiler::Compiler,
     gpu::{
-        Kernel, Timestamps,
+        Timestamps,
         binding::{self, Layout, Named, whole},
         check_timestamps, compute_pass, shader, storage,
         uniforms::Uniforms,
@@ -259,16 +259,7 @@ impl Stage {
         cache: Option<&PipelineCache>,
     ) -> Result<Self, Error> {
         let module = shader::create(device, LABEL, source(primitives)?);
-        let layout = module.layout(device, &[entry]);
-        let pipeline = Kernel {
-            label: LABEL,
-            module: &module,
-            entry,
-            layouts: &[&layout.raw],
-            constants: &[],
-            cache,
-        }
-        .create(device);
+        let (layout, pipeline) = module.kernel(device, entry, &[], cache);
         Ok(Self { layout, pipeline })
     }
 

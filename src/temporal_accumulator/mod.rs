@@ -19,7 +19,7 @@ use crate::{
     gpu::compiler::Compiler,
     gpu::listing::name_of,
     gpu::{
-        Kernel, Timestamps,
+        Timestamps,
         binding::{Kept, Layout, view, whole},
         check_timestamps, compute_pass, first_pass,
         screen::{self, Screen},
@@ -269,17 +269,7 @@ impl TemporalAccumulator {
             |variant| source(channels, variant).map(|source| shader::create(device, LABEL, source));
         let kernel = |variant, entry| -> Result<_, Error> {
             let module = module(variant)?;
-            let layout = module.layout(device, &[entry]);
-            let pipeline = Kernel {
-                label: LABEL,
-                module: &module,
-                entry,
-                layouts: &[&layout.raw],
-                constants: &[],
-                cache,
-            }
-            .create(device);
-            Ok((layout, pipeline))
+            Ok(module.kernel(device, entry, &[], cache))
         };
         let accumulate = |motion| kernel(TemporalVariant::Accumulate { motion }, "accumulate");
         let module = module(TemporalVariant::Show)?;

@@ -14,7 +14,7 @@ use support::{
     },
 };
 
-use crate::{LABS, settings};
+use lab::{LABS, settings};
 
 /// As in the tests of the bounced z-buffer: the share of rays that may pass an edge by less than rounding.
 const ODD_RAYS: f64 = 2e-3;

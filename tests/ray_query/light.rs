@@ -15,7 +15,7 @@ use support::testing::{
     shot::Shot,
 };
 
-use crate::{LABS, settings};
+use lab::{LABS, settings};
 
 /// As in the tests of lit hits: how far a packed colour may be off, and the share of rays that may be farther.
 const OFF: f64 = 1.0 / 200.0;

@@ -15,7 +15,7 @@ use support::{
     testing::{frames::Decoded, rays::triangles, refusals::refused, shot::Shot},
 };
 
-use crate::{LABS, settings};
+use lab::{LABS, settings};
 
 fn view_of(effect: RayTracedEffect, primitives: Primitives) -> RayTracedView {
     let format = TextureFormat::Rgba32Float;
@@ -172,7 +172,7 @@ fn limits_are_typed_errors() {
     let enough = floor
         .clone()
         .using_minimum_supported_acceleration_structure_values();
-    let open = |limits| crate::open(Some(limits)).device;
+    let open = |limits| lab::open(Some(limits)).device;
     let device = open(floor);
     let new = |device: &wgpu::Device| BvhBuilder::new(device, Primitives::RayQuery);
     refused(

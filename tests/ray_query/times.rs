@@ -1,8 +1,8 @@
-//! What it costs, as ratios within one run.
+//! Prints what the device takes over what the crate takes, as ratios within one run: `scripts/ray_query.sh --times`.
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedZBuffer, BvhBuilder, CloudCapacity, HitLighting,
-    HitRadiance, Light, Payload, Timestamps,
+    HitRadiance, Light, Payload,
     glam::DVec3,
     scenes::{self, Scene},
     wgpu,
@@ -13,7 +13,7 @@ use support::testing::{
     shot::Shot,
 };
 
-use crate::{LABS, settings};
+use lab::{LABS, settings};
 
 /// Best of this many runs, after one that compiles the pipelines: a shared machine only ever adds time.
 const RUNS: usize = 3;
@@ -79,10 +79,7 @@ fn times(lab: &Lab, shot: &Shot, senders: &Senders, scene: &Scene) -> [f64; 4] {
     ]
 }
 
-/// Prints what the device takes over what the crate takes.
-#[test]
-#[ignore = "it measures, and tests nothing"]
-fn times_over_the_crates_own() {
+fn main() {
     println!(
         "{}, {SIZE}x{SIZE} pixels, {RAYS_PER_PIXEL} rays per pixel",
         LABS.gpu.name()
@@ -114,52 +111,4 @@ fn times_over_the_crates_own() {
             scene.name
         );
     }
-}
-
-/// The building's begin and end are written.
-#[test]
-fn building_writes_its_times() {
-    let gpu = LABS.gpu;
-    if !gpu
-        .device
-        .features()
-        .contains(wgpu::Features::TIMESTAMP_QUERY)
-    {
-        println!("this adapter has no timestamps");
-        return;
-    }
-    let shot = LABS.shot(&scenes::cornell(), 0, 8);
-    let senders = &LABS.senders(&shot, &triangles())[0];
-    let set = gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
-        label: None,
-        ty: wgpu::QueryType::Timestamp,
-        count: 2,
-    });
-    let resolved = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-        label: None,
-        size: 16,
-        usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
-        mapped_at_creation: false,
-    });
-    let builder = BvhBuilder::new(&gpu.device, LABS.both[0].primitives).expect("pipelines");
-    let mut encoder = gpu.encoder();
-    let stamps = Timestamps {
-        set: &set,
-        begin: 0,
-        end: 1,
-    };
-    builder
-        .record(
-            &gpu.device,
-            &mut encoder,
-            &senders.cloud,
-            &senders.bounds,
-            Some(stamps),
-        )
-        .expect("a hierarchy");
-    encoder.resolve_query_set(&set, 0..2, &resolved, 0);
-    gpu.finish(encoder);
-    let times: Vec<u64> = gpu.read_buffer(&resolved);
-    println!("{times:?}");
-    assert!(times[0] > 0 && times[1] >= times[0], "{times:?}");
 }

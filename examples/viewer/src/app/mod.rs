@@ -1,5 +1,9 @@
 //! The window's loop: events, and what each frame does.
 
+mod drawing;
+mod input;
+mod steps;
+
 use std::{
     path::PathBuf,
     sync::{
@@ -14,25 +18,25 @@ use deep_screen_space::{
     glam::DVec2,
     wgpu::{self, TextureFormat, TextureView},
 };
-use egui_wgpu::{Renderer as Painter, RendererOptions, ScreenDescriptor};
+use egui_wgpu::{Renderer as Painter, RendererOptions};
 use support::{gpu::Gpu, multires::read_image};
 use winit::{
     application::ApplicationHandler,
-    dpi::{PhysicalPosition, PhysicalSize},
-    event::{ElementState, MouseButton, MouseScrollDelta, WindowEvent},
+    dpi::PhysicalSize,
+    event::WindowEvent,
     event_loop::{ActiveEventLoop, ControlFlow},
-    keyboard::{KeyCode, PhysicalKey},
     window::{Window, WindowId},
 };
 
+use self::input::Drag;
 use crate::{
     Options,
-    display::{Arrangement, Display, Shown, Side},
-    flight::{Flight, Pose, Way},
+    display::{Display, Shown},
+    flight::{Flight, Pose},
     panel::{Action, Facts, Motion, Panel, TruthFacts},
     place::Place,
     planning::{Planning, Wish},
-    script::{Script, Step},
+    script::Script,
     sides::Sides,
     stills,
     surface::Surface,
@@ -115,24 +119,11 @@ impl ApplicationHandler for App {
     }
 }
 
-/// What a pressed mouse does.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Drag {
-    Turn,
-    Split,
-}
-
-/// How near the split line a mouse takes hold of it, pixels.
-const HOLD: f64 = 8.0;
-
 /// How often one looks whether a thread has found something.
 const OFTEN: Duration = Duration::from_millis(50);
 
 /// As long as a frame lasts where nobody watches.
 const STEP: f64 = 1.0 / 30.0;
-
-/// After which a step of a script has failed.
-const PATIENCE: Duration = Duration::from_secs(100);
 
 /// The window and all that is in it.
 struct State {
@@ -297,96 +288,6 @@ impl State {
     /// The next frame comes at once.
     fn wake(&mut self) {
         self.next = Instant::now();
-    }
-
-    /// Takes an event that is no frame's.
-    fn hear(&mut self, event: &WindowEvent) {
-        self.wake();
-        let consumed = self.input.on_window_event(&self.window, event).consumed;
-        let typing = self.input.egui_ctx().egui_wants_keyboard_input();
-        match event {
-            WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } => {
-                self.surface.resize(&self.gpu);
-            }
-            WindowEvent::Focused(false) => self.flight.release(),
-            WindowEvent::DroppedFile(path) => {
-                let name = path.to_string_lossy().into_owned();
-                self.load(&name);
-            }
-            WindowEvent::KeyboardInput { event, .. } => {
-                let pressed = event.state == ElementState::Pressed;
-                if let PhysicalKey::Code(code) = event.physical_key {
-                    self.press(code, pressed && !typing && !consumed);
-                }
-            }
-            WindowEvent::CursorMoved { position, .. } => self.point(*position),
-            WindowEvent::MouseInput { state, .. } if *state == ElementState::Released => {
-                self.drag = None;
-            }
-            WindowEvent::MouseInput {
-                button: MouseButton::Left | MouseButton::Right,
-                ..
-            } if self.is_over_picture() => {
-                let [left, _, width, _] = self.area.map(f64::from);
-                let line = left + f64::from(self.panel.split) * width;
-                let near = self.panel.compare && (self.cursor.x - line).abs() < HOLD;
-                self.drag = Some(if near { Drag::Split } else { Drag::Turn });
-            }
-            WindowEvent::MouseWheel { delta, .. } if self.is_over_picture() => {
-                self.flight.hasten(match delta {
-                    MouseScrollDelta::LineDelta(_, lines) => f64::from(*lines),
-                    MouseScrollDelta::PixelDelta(by) => by.y / 50.0,
-                });
-            }
-            _ => {}
-        }
-    }
-
-    fn press(&mut self, code: KeyCode, pressed: bool) {
-        let way = match code {
-            KeyCode::KeyW | KeyCode::ArrowUp => Way::Ahead,
-            KeyCode::KeyS | KeyCode::ArrowDown => Way::Back,
-            KeyCode::KeyA | KeyCode::ArrowLeft => Way::Left,
-            KeyCode::KeyD | KeyCode::ArrowRight => Way::Right,
-            KeyCode::KeyE => Way::Up,
-            KeyCode::KeyQ => Way::Down,
-            KeyCode::ShiftLeft | KeyCode::ShiftRight => {
-                self.flight.fast = pressed;
-                return;
-            }
-            KeyCode::KeyH if pressed => {
-                self.hidden = !self.hidden;
-                return;
-            }
-            _ => return,
-        };
-        self.flight.hold(way, pressed);
-    }
-
-    fn point(&mut self, at: PhysicalPosition<f64>) {
-        let at = DVec2::new(at.x, at.y);
-        let by = at - self.cursor;
-        self.cursor = at;
-        match self.drag {
-            Some(Drag::Turn) => self.flight.turn(by),
-            Some(Drag::Split) => {
-                let [left, _, width, _] = self.area.map(f64::from);
-                let share = (at.x - left) / width.max(1.0);
-                self.panel.split = share.clamp(0.0, 1.0) as f32;
-            }
-            None => {}
-        }
-    }
-
-    /// Whether the mouse is over the picture, and no open list.
-    fn is_over_picture(&self) -> bool {
-        let [left, top, width, height] = self.area.map(f64::from);
-        let context = self.input.egui_ctx();
-        let place = (self.cursor / f64::from(context.pixels_per_point())).as_vec2();
-        let layer = context.layer_id_at(egui::pos2(place.x, place.y));
-        (left..left + width).contains(&self.cursor.x)
-            && (top..top + height).contains(&self.cursor.y)
-            && layer.is_none_or(|layer| layer.order == egui::Order::Background)
     }
 
     /// Pixels of the picture.
@@ -629,269 +530,4 @@ impl State {
             });
         }
     }
-
-    /// Draws both sides and the panel into the window, or into the file that a script asks for.
-    fn present(&mut self, output: egui::FullOutput) -> Result<(), String> {
-        let egui::FullOutput {
-            platform_output,
-            mut textures_delta,
-            shapes,
-            pixels_per_point,
-            ..
-        } = output;
-        self.input
-            .handle_platform_output(&self.window, platform_output);
-        let (device, queue) = (&self.gpu.device, &self.gpu.queue);
-        for (id, deltas) in std::mem::take(&mut textures_delta.set) {
-            for delta in deltas {
-                self.painter.update_texture(device, queue, id, &delta);
-            }
-        }
-        let jobs = self.input.egui_ctx().tessellate(shapes, pixels_per_point);
-        if let Some(path) = self.shot.take() {
-            let [width, height] = self.surface.size();
-            let target = self.gpu.target(self.surface.format(), width, height);
-            self.draw(&target, &jobs, pixels_per_point);
-            self.write_shot(&path, &target)?;
-        }
-        if let Some(texture) = self.surface.next(&self.gpu) {
-            let view = texture
-                .texture
-                .create_view(&wgpu::TextureViewDescriptor::default());
-            self.draw(&view, &jobs, pixels_per_point);
-            self.window.pre_present_notify();
-            self.gpu.queue.present(texture);
-        }
-        for id in std::mem::take(&mut textures_delta.free) {
-            self.painter.free_texture(&id);
-        }
-        // Nothing else waits for the device, which has to say what it is done with.
-        let polled = self.gpu.device.poll(wgpu::PollType::Poll);
-        polled.map(|_| ()).map_err(|e| format!("the device: {e}"))
-    }
-
-    fn draw(
-        &mut self,
-        target: &TextureView,
-        jobs: &[egui::ClippedPrimitive],
-        pixels_per_point: f32,
-    ) {
-        let gpu = &self.gpu;
-        let mut encoder = gpu.encoder();
-        let screen = ScreenDescriptor {
-            size_in_pixels: self.surface.size(),
-            pixels_per_point,
-        };
-        let buffers =
-            self.painter
-                .update_buffers(&gpu.device, &gpu.queue, &mut encoder, jobs, &screen);
-        let shared = self.panel.looks[0].shares_truth(&self.panel.looks[1]);
-        let side = |side: usize| {
-            let passes = self.sides.passes(side)?;
-            Some(Side {
-                picture: passes.target(),
-                look: &self.panel.looks[side],
-                // The truth is about the first side's effect.
-                shown: match self.panel.shown {
-                    _ if side == 1 && !shared => Shown::Picture,
-                    _ if !self.truth.is_asked() => Shown::Picture,
-                    shown => shown,
-                },
-            })
-        };
-        let is_seen = self.area[2] > 0 && self.area[3] > 0;
-        let load = if let Some(first) = side(0).filter(|_| is_seen) {
-            let arrangement = Arrangement {
-                first,
-                second: side(1).filter(|_| self.panel.compare),
-                truth: &self.known,
-                area: self.area,
-                split: self.panel.split,
-                exposure: self.panel.exposure,
-                gain: self.panel.gain,
-            };
-            self.display.record(gpu, &mut encoder, &arrangement, target);
-            wgpu::LoadOp::Load
-        } else {
-            wgpu::LoadOp::Clear(wgpu::Color::BLACK)
-        };
-        let pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some("panel"),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: target,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations {
-                    load,
-                    store: wgpu::StoreOp::Store,
-                },
-            })],
-            ..Default::default()
-        });
-        self.painter
-            .render(&mut pass.forget_lifetime(), jobs, &screen);
-        let commands = buffers.into_iter().chain([encoder.finish()]);
-        gpu.queue.submit(commands);
-    }
-
-    fn write_shot(&self, path: &PathBuf, target: &TextureView) -> Result<(), String> {
-        let texture = target.texture();
-        let mut texels: Vec<[u8; 4]> = self.gpu.read_texture(texture, 0);
-        let is_turned = matches!(
-            texture.format(),
-            TextureFormat::Bgra8Unorm | TextureFormat::Bgra8UnormSrgb
-        );
-        for texel in &mut texels {
-            if is_turned {
-                texel.swap(0, 2);
-            }
-        }
-        let bytes: Vec<u8> = texels.iter().flat_map(|t| [t[0], t[1], t[2]]).collect();
-        let (width, height) = (texture.width(), texture.height());
-        image::save_buffer(path, &bytes, width, height, image::ColorType::Rgb8)
-            .map_err(|e| format!("{}: {e}", path.display()))
-    }
-
-    /// Takes the script's next steps, up to one that is to be waited for. False after the last.
-    fn follow_script(&mut self) -> Result<bool, String> {
-        let Some(mut script) = self.script.take() else {
-            return Ok(true);
-        };
-        let mut goes_on = true;
-        loop {
-            let Some(step) = script.steps.front().cloned() else {
-                goes_on = false;
-                break;
-            };
-            let before = script.steps.len();
-            match self.take_step(&step) {
-                Progress::Done => {
-                    script.steps.pop_front();
-                }
-                Progress::Then(rest) => {
-                    script.steps[0] = rest;
-                    self.since = Instant::now();
-                    break;
-                }
-                Progress::Waits => {
-                    if self.since.elapsed() > PATIENCE {
-                        return Err(format!(
-                            "{step:?} was waited for in vain: {:?}",
-                            self.message
-                        ));
-                    }
-                    break;
-                }
-            }
-            if script.steps.len() != before {
-                self.since = Instant::now();
-            }
-        }
-        self.script = Some(script);
-        Ok(goes_on)
-    }
-
-    fn take_step(&mut self, step: &Step) -> Progress {
-        let wait = |done| {
-            if done {
-                Progress::Done
-            } else {
-                Progress::Waits
-            }
-        };
-        match step {
-            Step::Frames(0) => {}
-            Step::Frames(n) => return Progress::Then(Step::Frames(n - 1)),
-            Step::Key(way, n) => {
-                self.flight.hold(*way, *n > 0);
-                if *n > 0 {
-                    return Progress::Then(Step::Key(*way, n - 1));
-                }
-            }
-            Step::Scene(name) => self.load(name),
-            Step::Effect(side, effect, method) => {
-                let quality = self.panel.qualities[*side];
-                let look = &mut self.panel.looks[*side];
-                look.method = *method;
-                look.choose(*effect, quality);
-            }
-            Step::Compare(on) => self.panel.compare = *on,
-            Step::Split(share) => self.panel.split = *share,
-            Step::Scale(scale) => self.panel.scale = *scale,
-            Step::Show(shown) => self.panel.shown = *shown,
-            Step::Mover(moves) => self.panel.moves = *moves,
-            Step::Drag([x, y]) => self.flight.turn(DVec2::new(*x, *y)),
-            Step::Resize([width, height]) => {
-                if self.surface.size() == [*width, *height] {
-                    return Progress::Done;
-                }
-                let size = PhysicalSize::new(*width, *height);
-                let _ = self.window.request_inner_size(size);
-                return Progress::Waits;
-            }
-            Step::Loaded => return wait(self.loading.is_none()),
-            Step::Traced(rays) => return wait(self.answer.rays >= *rays),
-            Step::Planned => return wait(!self.planning.is_calibrating()),
-            Step::Plan(wish) => {
-                self.panel.wish = *wish;
-                self.act(Action::Plan);
-            }
-            Step::Still => self.save(),
-            Step::Scroll(points) => self.panel.scroll = *points,
-            Step::Shot(path) => {
-                // Taken by the frame that comes.
-                self.shot = Some(path.clone());
-                return Progress::Then(Step::Frames(0));
-            }
-            Step::Report => self.report(),
-        }
-        Progress::Done
-    }
-
-    /// A line of what a test asks about.
-    fn report(&self) {
-        let [width, height] = self.size();
-        let eye = self.flight.pose.eye;
-        let rows = self.sides.clock.rows();
-        let memory: u64 = self
-            .sides
-            .memory(self.panel.sides())
-            .iter()
-            .map(|m| m.1)
-            .sum();
-        let problems = self.sides.problems.iter().flatten();
-        let problems: Vec<&str> = problems
-            .map(String::as_str)
-            .chain(self.message.as_deref())
-            .collect();
-        let picture = self.sides.passes(0).map(|passes| {
-            let picture = read_image(&self.gpu, passes.target().texture());
-            let values = picture.as_flattened();
-            values.iter().map(|v| v.abs()).sum::<f32>() / values.len() as f32
-        });
-        let rmse = self.off.off.map(|off| off.map_or(-1.0, |off| off.rmse));
-        println!(
-            "report size={width}x{height} eye={:.4},{:.4},{:.4} stages={} ms={:.3} memory={memory} rays={} rmse={:.5},{:.5} \
-             method={} mean={:.4} said={}",
-            eye.x,
-            eye.y,
-            eye.z,
-            rows.len(),
-            self.sides.clock.total_ms(),
-            self.answer.rays,
-            rmse[0],
-            rmse[1],
-            self.panel.looks[0].method.short(),
-            picture.unwrap_or(0.0),
-            problems.join("; ")
-        );
-    }
-}
-
-/// What became of a step.
-enum Progress {
-    Done,
-    /// Something is left of it, after a frame.
-    Then(Step),
-    Waits,
 }

@@ -1,0 +1,143 @@
+//! What is expected of a method and its settings: error, time and memory.
+
+use super::{Calibration, Candidate, Method, MethodKind, PlanRequest, SceneCounts, curves::Curve};
+use crate::{bvh::Primitives, instanced_bvh::INSTANCE_BYTES, surfel::CloudCapacity};
+
+/// One level where it fits, since rays traverse it faster.
+pub(super) fn primitives_for(request: &PlanRequest<'_>) -> (Primitives, Option<String>) {
+    let most = u64::from(CloudCapacity::largest(request.limits).pieces);
+    let SceneCounts {
+        triangles,
+        mesh_triangles,
+        instances,
+    } = request.scene;
+    if triangles <= most {
+        return (Primitives::Triangles, None);
+    }
+    let most_instances = request.limits.max_storage_buffer_binding_size / INSTANCE_BYTES;
+    // Within one texture of triangles, four times what one binding holds.
+    let refused = if mesh_triangles > 4 * most {
+        Some(format!(
+            "{mesh_triangles} triangles of meshes are more than a device has room for"
+        ))
+    } else if instances > most_instances {
+        Some(format!(
+            "{instances} instances are more than {most_instances}, which one binding holds"
+        ))
+    } else {
+        None
+    };
+    (Primitives::Instances, refused)
+}
+
+/// Settings of one method, with what is expected of each.
+pub(super) fn candidates(
+    request: &PlanRequest<'_>,
+    (kind, rungs): (MethodKind, &[Method]),
+    curve: &Curve,
+    (primitives, refused): (Primitives, &Option<String>),
+) -> Vec<Candidate> {
+    let calibrated = request.calibration.and_then(|c| Some((c, c.of(kind)?)));
+    let first = calibrated
+        .and_then(|(_, known)| known.difference)
+        .map_or(curve.typical, |difference| difference * curve.of_difference);
+    let works: Vec<f64> = kind
+        .rungs(&request.effect)
+        .iter()
+        .map(Method::work)
+        .collect();
+    let cheap = works.get(kind.cheap()).copied().unwrap_or_default();
+    let dear = works.last().copied().unwrap_or_default();
+    let candidate = |&method: &Method| Candidate {
+        method,
+        error: first * curve.at(&works, method.work()),
+        milliseconds: calibrated.map(|(calibration, known)| {
+            let share = (method.work() - cheap) / (dear - cheap);
+            let [low, high] = known.view_ms;
+            let scale = Scale::new(request, calibration, kind);
+            scale.scene * known.scene_ms + scale.view * (low + share * (high - low)).max(0.0)
+        }),
+        memory_bytes: memory(request, &method, primitives),
+        refused: match kind {
+            MethodKind::Rays => refused.clone(),
+            MethodKind::Splats if primitives == Primitives::Instances => {
+                Some("more triangles than one binding holds".into())
+            }
+            _ => None,
+        },
+    };
+    rungs.iter().map(candidate).collect()
+}
+
+/// How times grow from the calibrated scene and size to those asked for.
+struct Scale {
+    scene: f64,
+    view: f64,
+}
+
+impl Scale {
+    fn new(request: &PlanRequest<'_>, calibration: &Calibration, kind: MethodKind) -> Self {
+        let pixels = |[width, height]: [u32; 2]| f64::from(width) * f64::from(height);
+        let asked = request.scene.triangles.max(1) as f64;
+        let known = f64::from(calibration.triangles);
+        // A ray's way through a tree is as long as the tree is deep.
+        let deeper = match kind {
+            MethodKind::Rays => (asked + 1.0).log2() / (known + 1.0).log2(),
+            MethodKind::Splats | MethodKind::Obscurance => 1.0,
+        };
+        Self {
+            scene: asked / known,
+            view: pixels(request.size) / pixels(calibration.size) * deeper,
+        }
+    }
+}
+
+impl Method {
+    /// What its time grows with: rays or reads per pixel, or pairs relative to those of `balanced`.
+    pub(super) fn work(&self) -> f64 {
+        match self {
+            Self::Rays(rays) => rays.all_rays(),
+            // Pairs grow with the inverse square of the radius, as far as surfels are larger than triangles.
+            Self::Splats(splats) => f64::from(splats.surfelizer.radius_pixels).powi(-1),
+            Self::Obscurance { descriptor, .. } => f64::from(descriptor.sampling.samples()),
+        }
+    }
+}
+
+/// What the objects of a method own. In floats, since no count is too large for them; an integer of them saturates.
+fn memory(request: &PlanRequest<'_>, method: &Method, primitives: Primitives) -> u64 {
+    let [width, height] = request.size.map(f64::from);
+    let pixels = width * height;
+    let SceneCounts {
+        triangles,
+        mesh_triangles,
+        instances,
+    } = request.scene;
+    let [triangles, mesh_triangles, instances] =
+        [triangles, mesh_triangles, instances].map(|count| count as f64);
+    let bytes = match method {
+        Method::Rays(rays) => {
+            let scene = match primitives {
+                // A quarter more room than there are triangles.
+                Primitives::Triangles => 1.25 * (151.0 + 52.0 + 4.0) * triangles,
+                _ => (79.0 + 123.0) * mesh_triangles + 1.25 * 312.0 * instances,
+            };
+            let hits = if request.effect.payload().is_radiance() {
+                4 + 4 * rays.rays_per_pixel
+            } else {
+                4 + 4 * rays.rays_per_pixel.div_ceil(32)
+            };
+            let further = if rays.further.is_some() { 29.0 } else { 0.0 };
+            scene + pixels * (16.0 + f64::from(hits) + 20.0 + further)
+        }
+        Method::Splats(splats) => {
+            let radius = f64::from(splats.surfelizer.radius_pixels);
+            // About as many surfels as there are disks of that radius in the picture, on each side of what is seen.
+            let surfels = 4.0 * pixels / (radius * radius) + triangles;
+            let levels = f64::from(splats.splat.levels);
+            (32.0 + 2.0 * levels) * surfels + 56.0 * triangles + pixels * (16.0 + 8.0 * levels)
+        }
+        Method::Obscurance { .. } => 0.0,
+    };
+    bytes as u64
+}
