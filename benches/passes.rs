@@ -150,7 +150,7 @@ fn two_in_one(gpu: &Gpu, name: &str, size: [u32; 2]) -> Result<serde_json::Value
     for _ in 0..=RUNS {
         for (best, renderer) in best.iter_mut().zip(&mut renderers) {
             let rendered =
-                renderer.render_lit(gpu, &raster, &buffers, &camera, &lights, &preset)?;
+                renderer.render_scene(gpu, &raster, &buffers, &camera, &lights, &preset)?;
             let shared = ["surfelize", "bvh", "light", "decode"];
             let own = rendered.passes.iter().filter(|p| !shared.contains(&p.0));
             *best = best.min(own.map(|p| p.1).sum());

@@ -137,6 +137,7 @@ mod soft_shadows;
 pub mod spherical_gaussian;
 mod surfel;
 mod surfel_gatherer;
+mod surfel_holes;
 mod surfel_shader;
 mod surfelizer;
 mod temporal_accumulator;
@@ -239,6 +240,7 @@ pub use surfel::{
 pub use surfel_gatherer::{
     SurfelGatherer, SurfelGathererInput, SurfelSenders, settings::SurfelGathererSettings,
 };
+pub use surfel_holes::{SurfelCutouts, SurfelHoles, SurfelHolesInput};
 pub use surfel_shader::{
     ShadedLight, Shadow, ShadowMap, SurfelShader, SurfelShaderInput, settings::SurfelShaderSettings,
 };

@@ -8,7 +8,8 @@ use crate::{
     gpu::{listing::Shader, scan, sort},
     hit_resolver, instanced_bvh, multi_res_mask, multi_res_reconstructor, ray_budget, receivers,
     reconstructor, reflective_shadow_map, screen_space_gi, sg_hull, shell_splatter, soft_shadows,
-    surfel_gatherer, surfel_shader, surfelizer, temporal_accumulator, volumetric_obscurance,
+    surfel_gatherer, surfel_holes, surfel_shader, surfelizer, temporal_accumulator,
+    volumetric_obscurance,
 };
 
 /// How a pass adds its modules to the listing.
@@ -20,6 +21,7 @@ const PASSES: &[List] = &[
     scan::list,
     receivers::list,
     surfelizer::list,
+    surfel_holes::list,
     surfel_shader::list,
     surfel_gatherer::list,
     shell_splatter::list,

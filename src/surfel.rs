@@ -213,6 +213,8 @@ pub struct SurfelCloud {
     pub(crate) capacity: CloudCapacity,
     pub(crate) recordings: Recordings,
     pub(crate) origin: DVec3,
+    /// Whether its surfels were made to fit the holes of their triangles since it was last recorded.
+    pub(crate) fits_holes: bool,
     /// How its surfels were last placed.
     pub(crate) placement: Placement,
     /// Whether the camera last recorded for has a perspective: surfels then grow with their distance from it.
@@ -261,6 +263,7 @@ impl SurfelCloud {
             capacity,
             recordings: Recordings::default(),
             origin: DVec3::ZERO,
+            fits_holes: false,
             placement: Placement::default(),
             perspective: true,
             surfels: storage(

@@ -13,6 +13,7 @@
 #import mesh
 #import placed
 #import cutout
+#import cutout_at
 #import tex_coords
 
 alias Counter = u32;
@@ -38,20 +39,6 @@ struct Params {
 @group(0) @binding(8) var<storage, read> pieces: array<Piece>;
 // Of each piece; those of meshes that are not alpha-tested were cleared.
 @group(0) @binding(9) var<storage, read_write> cutouts: array<Cutout>;
-
-// Texture coordinates of a point in a triangle's plane.
-fn tex_coords_at(point: vec3f, t: Triangle, whole: Cutout) -> vec2f {
-  let e1 = t.b - t.a;
-  let e2 = t.c - t.a;
-  // Products of edges would underflow below 1e-19.
-  let scale = max(max_component(abs(e1)), max_component(abs(e2)));
-  let normal = cross(e1 / scale, e2 / scale);
-  let from_a = (point - t.a) / scale;
-  let per_area = 1.0 / dot(normal, normal);
-  let v = dot(cross(from_a, e2 / scale), normal) * per_area;
-  let w = dot(cross(e1 / scale, from_a), normal) * per_area;
-  return whole.a + (whole.b - whole.a) * v + (whole.c - whole.a) * w;
-}
 
 @compute @workgroup_size(64)
 fn cut_pieces(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) thread: u32) {

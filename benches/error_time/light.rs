@@ -209,7 +209,7 @@ impl Method for SplatLight {
         let (scene, camera, lights) = (&stage.buffers, &stage.camera, &stage.lights);
         let rendered = self
             .renderer
-            .render_lit(stage.gpu, &stage.drawn, scene, camera, lights, preset)
+            .render_scene(stage.gpu, &stage.drawn, scene, camera, lights, preset)
             .map_err(|e| e.to_string())?;
         let light = rendered.pictures[0].iter().map(|&[r, g, b, _]| [r, g, b]);
         Ok(Shot {

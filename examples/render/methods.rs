@@ -188,12 +188,8 @@ pub fn splat_of(
     if options.surfels == 0 {
         return Err("--method splat takes room for a surfel at least".into());
     }
-    if scene.holes.is_some() {
-        eprintln!("render: splats take alpha-tested triangles for whole");
-    }
     let shown = asked_sky(options, gpu)?;
     let size = [shot.width, shot.height];
-    let meshes = buffers.meshes();
     let (renderer, rendered, capacity) = with_room(
         (gpu, options, &buffers),
         options.surfels,
@@ -206,13 +202,7 @@ pub fn splat_of(
             renderer.roughness = effect.roughness.then(|| roughness(gpu, options, size));
             Ok(renderer)
         },
-        |renderer| {
-            if effect.radiance {
-                renderer.render_lit(gpu, &raster, &buffers, &camera, &shot.lights, &preset)
-            } else {
-                renderer.render(gpu, &raster, &meshes, &camera, &preset)
-            }
-        },
+        |renderer| renderer.render_scene(gpu, &raster, &buffers, &camera, &shot.lights, &preset),
         |rendered| (rendered.total_ms(), rendered.counts),
     )?;
     for (name, value) in [

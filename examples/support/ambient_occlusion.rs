@@ -1,12 +1,12 @@
 //! The passes wired together for effects by splatting.
 
 use deep_screen_space::{
-    AmbientOcclusion, Bvh, BvhBuilder, Camera, CloudCapacity, ClusterInput, Effect, Environment,
-    EnvironmentLight, Error, GBuffer, Geometry, Light, Mesh, Primitives, Reach, Reconstructor,
-    ReconstructorInput, ReconstructorView, ShadedLight, Shadow, ShellSplatter,
+    AlphaTests, AmbientOcclusion, Bvh, BvhBuilder, Camera, CloudCapacity, ClusterInput, Effect,
+    Environment, EnvironmentLight, Error, GBuffer, Geometry, Light, Mesh, Primitives, Reach,
+    Reconstructor, ReconstructorInput, ReconstructorView, ShadedLight, Shadow, ShellSplatter,
     ShellSplatterDescriptor, SplatInput, SplatView, SurfelCloud, SurfelClusters, SurfelCounts,
-    SurfelShader, SurfelShaderInput, SurfelShaderSettings, Surfelizer, SurfelizerInput,
-    TextureSlice, wgpu,
+    SurfelCutouts, SurfelHoles, SurfelHolesInput, SurfelShader, SurfelShaderInput,
+    SurfelShaderSettings, Surfelizer, SurfelizerInput, TextureSlice, wgpu,
 };
 
 use super::{
@@ -42,6 +42,8 @@ pub struct Subject<'a> {
     pub raster: &'a Raster,
     pub meshes: &'a [Mesh<'a>],
     pub camera: &'a Camera,
+    /// Where meshes have holes, if any has.
+    pub holes: Option<AlphaTests<'a>>,
     /// For effects that read what surfels send.
     pub lamps: Option<Lamps<'a>>,
 }
@@ -50,6 +52,8 @@ pub struct Subject<'a> {
 pub struct Renderer {
     lighting: Option<Lighting>,
     surfelizer: Surfelizer,
+    /// Once a scene has had holes.
+    holes: Option<(SurfelHoles, SurfelCutouts)>,
     splatter: ShellSplatter,
     reconstructor: Reconstructor,
     pub cloud: SurfelCloud,
@@ -177,6 +181,7 @@ impl Renderer {
             roughness: None,
             targets: outputs.map(|_| gpu.target(format, width, height)).collect(),
             surfelizer,
+            holes: None,
             splatter,
             reconstructor,
             cloud,
@@ -190,6 +195,10 @@ impl Renderer {
             + self.decoding.memory_bytes()
             + self.view.memory_bytes()
             + self.scratch.memory_bytes()
+            + self
+                .holes
+                .as_ref()
+                .map_or(0, |(_, cutouts)| cutouts.memory_bytes())
             + self.lighting.as_ref().map_or(0, |lighting| {
                 lighting.radiance.size() + lighting.bvh.memory_bytes()
             })
@@ -204,11 +213,18 @@ impl Renderer {
         camera: &Camera,
         preset: &Preset,
     ) -> Result<Rendered, Error> {
-        self.render_with(gpu, raster, meshes, camera, None, preset)
+        let subject = Subject {
+            raster,
+            meshes,
+            camera,
+            holes: None,
+            lamps: None,
+        };
+        self.render_subject(gpu, &subject, preset)
     }
 
-    /// The same for an effect that reads what surfels send, of these lights and of what shines itself.
-    pub fn render_lit(
+    /// The same of a scene with its holes; for an effect that reads what surfels send, under these lights and what shines itself.
+    pub fn render_scene(
         &mut self,
         gpu: &Gpu,
         raster: &Raster,
@@ -218,27 +234,28 @@ impl Renderer {
         preset: &Preset,
     ) -> Result<Rendered, Error> {
         let materials = &scene.materials;
-        let lamps = Lamps { materials, lights };
-        self.render_with(gpu, raster, &scene.meshes(), camera, Some(lamps), preset)
+        let tests = scene.tests();
+        let subject = Subject {
+            raster,
+            meshes: &scene.meshes(),
+            camera,
+            holes: scene.alpha_tests(&tests),
+            lamps: self
+                .lighting
+                .is_some()
+                .then_some(Lamps { materials, lights }),
+        };
+        self.render_subject(gpu, &subject, preset)
     }
 
-    fn render_with(
+    fn render_subject(
         &mut self,
         gpu: &Gpu,
-        raster: &Raster,
-        meshes: &[Mesh<'_>],
-        camera: &Camera,
-        lamps: Option<Lamps<'_>>,
+        subject: &Subject<'_>,
         preset: &Preset,
     ) -> Result<Rendered, Error> {
         let mut stages = TimedStages::new(gpu);
-        let subject = Subject {
-            raster,
-            meshes,
-            camera,
-            lamps,
-        };
-        self.record(gpu, &mut stages, &subject, preset)?;
+        self.record(gpu, &mut stages, subject, preset)?;
         let counts: Vec<SurfelCounts> = gpu.read_buffer(self.cloud.counters());
         let is_of_colors = self.targets[0].texture().format() != wgpu::TextureFormat::R32Float;
         let pictures: Vec<Vec<[f32; 4]>> = if is_of_colors {
@@ -255,6 +272,33 @@ impl Renderer {
             pictures,
             passes: stages.passes,
             counts: counts[0],
+        })
+    }
+
+    /// Surfels as large as what is there of them.
+    fn fit(
+        &mut self,
+        gpu: &Gpu,
+        stages: &mut impl Stages,
+        meshes: &[Mesh<'_>],
+        tests: AlphaTests<'_>,
+    ) -> Result<(), Error> {
+        let device = &gpu.device;
+        let (fitter, cutouts) = match &mut self.holes {
+            Some(made) => made,
+            none => {
+                let fitter = SurfelHoles::new(device)?;
+                let cutouts = fitter.create_cutouts(device, &self.cloud)?;
+                none.insert((fitter, cutouts))
+            }
+        };
+        let input = SurfelHolesInput {
+            geometry: Geometry { meshes },
+            tests,
+            timestamps: None,
+        };
+        stages.stage("holes", |encoder| {
+            fitter.record(device, encoder, &input, cutouts, &mut self.cloud)
         })
     }
 
@@ -275,6 +319,7 @@ impl Renderer {
             raster,
             meshes,
             camera,
+            holes,
             lamps,
         } = *subject;
         let device = &gpu.device;
@@ -296,6 +341,9 @@ impl Renderer {
             self.surfelizer
                 .record(device, encoder, &surfelize, &settings, cloud)
         })?;
+        if let Some(tests) = holes {
+            self.fit(gpu, stages, meshes, tests)?;
+        }
         if let (Some(lighting), Some(lamps)) = (&self.lighting, &lamps) {
             lighting.record(gpu, stages, &self.cloud, lamps)?;
         }

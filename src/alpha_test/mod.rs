@@ -138,9 +138,10 @@ impl AlphaTestPass {
         })
     }
 
-    /// Checks all that may be refused of a cloud's holes.
+    /// Checks all that may be refused of a cloud's holes; the caller calls the geometry `name`.
     pub fn check(
         device: &Device,
+        name: &'static str,
         geometry: &Geometry<'_>,
         tests: &AlphaTests<'_>,
         cloud: &SurfelCloud,
@@ -152,7 +153,7 @@ impl AlphaTestPass {
         let triangles = geometry.triangles();
         if triangles > cloud.capacity.triangles {
             return Err(Error::Mismatch {
-                name: "AlphaTestedInput::geometry",
+                name,
                 found: format!("{triangles} triangles"),
                 needed: format!("those of the cloud, up to {}", cloud.capacity.triangles),
             });

@@ -503,7 +503,7 @@ impl BvhBuilder {
                 needed: "Primitives::AlphaTested".into(),
             });
         };
-        AlphaTestPass::check(device, geometry, tests, cloud)?;
+        AlphaTestPass::check(device, "AlphaTestedInput::geometry", geometry, tests, cloud)?;
         bvh.room_for_alpha_tested(cloud)?;
         let Bounds::AlphaTested(room) = &mut bvh.bounds else {
             return Err(bvh.mismatch(Primitives::AlphaTested, cloud));

@@ -50,6 +50,7 @@ const COMMON: &[Module<'static>] = common![
     mesh,
     placed,
     cutout,
+    cutout_at,
     tex_coords,
     map_alpha,
     instance,

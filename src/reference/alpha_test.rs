@@ -128,18 +128,21 @@ impl Cutout {
         maps.alpha_at(uv, self.layer, self.wrap) >= self.threshold
     }
 
+    /// Texture coordinates of a point in the plane of the triangle that this is of.
+    pub fn tex_coords_of(&self, whole: &Triangle, point: DVec3) -> DVec2 {
+        let (e1, e2) = (whole.b - whole.a, whole.c - whole.a);
+        let normal = e1.cross(e2);
+        let from_a = point - whole.a;
+        let per_area = normal.length_squared().recip();
+        let v = from_a.cross(e2).dot(normal) * per_area;
+        let w = e1.cross(from_a).dot(normal) * per_area;
+        self.tex_coords_at([v, w])
+    }
+
     /// The holes of a piece of the triangle that this is of.
     #[must_use]
     pub fn of_piece(&self, whole: &Triangle, piece: &Triangle) -> Self {
-        let (e1, e2) = (whole.b - whole.a, whole.c - whole.a);
-        let normal = e1.cross(e2);
-        let at = |point: DVec3| {
-            let from_a = point - whole.a;
-            let per_area = normal.length_squared().recip();
-            let v = from_a.cross(e2).dot(normal) * per_area;
-            let w = e1.cross(from_a).dot(normal) * per_area;
-            self.tex_coords_at([v, w])
-        };
+        let at = |point: DVec3| self.tex_coords_of(whole, point);
         Self {
             tex_coords: [piece.a, piece.b, piece.c].map(at),
             ..*self

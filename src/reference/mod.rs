@@ -28,6 +28,7 @@ pub mod sg_hull;
 pub mod shell_splatter;
 pub mod soft_shadows;
 pub mod surfel_gatherer;
+pub mod surfel_holes;
 pub mod surfel_shader;
 pub mod surfelizer;
 pub mod surfels;

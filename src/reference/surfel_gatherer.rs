@@ -10,14 +10,13 @@ use super::{
     hashing::hash2,
     packing::unpack_normal,
     surfel_shader::{BRIGHTEST, Radiance, sanitize},
-    surfelizer::{Piece, Triangle, centroid, leaf_at, leaf_of, nearest_room},
+    surfelizer::{Piece, SHAPE_ORDER, Triangle, centroid, leaf_at, leaf_of, nearest_room},
 };
 use crate::{
     CloudCapacity, Material, Sampling, SurfelGathererSettings, SurfelRadiance, SurfelSource,
     bounced_z_buffer::params::grid,
 };
 
-const SHAPE_ORDER: u32 = 0xfff;
 const SPLITS: u32 = 4;
 const PARTS: u32 = 16;
 const PART_STEP: u32 = 5;

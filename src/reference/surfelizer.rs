@@ -29,9 +29,9 @@ const MAX_ROUNDS: u32 = 48_000;
 const MAX_SEARCH_ROUNDS: u32 = 28_000;
 const ANCHOR_STEP: u32 = 4;
 const WHOLE: u32 = 31;
-const SHAPE_ORDER: u32 = 0xfff;
-const SHAPE_SMALL: u32 = 0x1000;
-const SHAPE_PATH_SHIFT: u32 = 13;
+pub(super) const SHAPE_ORDER: u32 = 0xfff;
+pub(super) const SHAPE_SMALL: u32 = 0x1000;
+pub(super) const SHAPE_PATH_SHIFT: u32 = 13;
 const SMALL_AREA: f64 = FRAC_1_SQRT_2;
 
 /// Three corners in eye space.

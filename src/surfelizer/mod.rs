@@ -229,6 +229,7 @@ impl Surfelizer {
 
         cloud.recordings.advance();
         cloud.origin = input.camera.focus();
+        cloud.fits_holes = false;
         cloud.placement = settings.placement;
         cloud.perspective = input.camera.is_perspective();
         encoder.clear_buffer(&cloud.counters, 0, None);

@@ -232,7 +232,7 @@ fn what_nothing_hides_is_near_the_truth() {
     let renderer = Renderer::of(gpu, &effect, capacity, size, preset.splat.levels, false);
     let mut renderer = renderer.expect("within limits");
     let rendered = renderer
-        .render_lit(gpu, &seen, &shot.buffers, &camera, &[], &preset)
+        .render_scene(gpu, &seen, &shot.buffers, &camera, &[], &preset)
         .expect("valid settings");
     assert_eq!(rendered.counts.overflow(), 0);
 

@@ -33,6 +33,7 @@ mod spherical_gaussian;
 mod splat_sub_images;
 mod subsurface_scattering;
 mod surfel_gatherer;
+mod surfel_holes;
 mod surfel_shader;
 mod surfelizer;
 mod temporal_accumulator;

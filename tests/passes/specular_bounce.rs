@@ -147,7 +147,7 @@ fn what_nothing_hides_is_near_the_truth_at_each_roughness() {
         let texels = vec![roughness as f32; (size[0] * size[1]) as usize];
         renderer.roughness = Some(gpu.texture(TextureFormat::R32Float, size[0], size[1], &texels));
         let rendered = renderer
-            .render_lit(gpu, &seen, &shot.buffers, &camera, &[], &preset)
+            .render_scene(gpu, &seen, &shot.buffers, &camera, &[], &preset)
             .expect("valid settings");
         let gloss = Gloss {
             eye: camera.eye(),

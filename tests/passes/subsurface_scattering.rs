@@ -457,7 +457,7 @@ fn the_statue_is_near_the_truth() {
     for (quality, bar) in [(Quality::Balanced, 0.1), (Quality::Accurate, 0.03)] {
         let preset = effect.splats(quality, pixel as f32);
         let rendered = renderer
-            .render_lit(gpu, &seen, &buffers, &camera, &lights, &preset)
+            .render_scene(gpu, &seen, &buffers, &camera, &lights, &preset)
             .expect("valid settings");
         assert_eq!(rendered.counts.overflow(), 0);
         let (mut square, mut mean, mut count) = (0.0, 0.0, 0.0);

@@ -274,10 +274,12 @@ impl Passes {
                 } else {
                     &place.lights[..]
                 };
+                let tests = buffers.tests();
                 let subject = Subject {
                     raster,
                     meshes: &buffers.meshes(),
                     camera,
+                    holes: buffers.alpha_tests(&tests),
                     lamps: lit.then_some(Lamps {
                         materials: &buffers.materials,
                         lights,
