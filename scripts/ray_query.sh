@@ -34,7 +34,8 @@ else
 fi
 what=(test)
 if [ "${1:-}" = --times ]; then
-  what=(bench --bench times)
+  # By the tests' profile, an optimised one (see Cargo.toml), which is built already.
+  what=(bench --profile dev --bench times)
   shift
 fi
 cargo "${runner[@]}" "${what[@]}" --locked --manifest-path "$root/Cargo.toml" --package deep-screen-space-ray-query -- "$@"

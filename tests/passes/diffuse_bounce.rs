@@ -1,44 +1,17 @@
 //! A bounce of diffuse light by splatting: the GPU against the f64 mirror, and the picture against traced rays.
 
 use deep_screen_space::{
-    Camera, CloudCapacity, ClusterInput, DiffuseBounce, Error, Geometry, ShellSplatter,
-    ShellSplatterDescriptor, SplatSettings, SurfelRadiance, SurfelizerInput, SurfelizerSettings,
-    Viewport,
-    glam::DVec3,
-    scenes::{self, Material, Part, Scene},
+    ClusterInput, DiffuseBounce, Error, Geometry, ShellSplatter, ShellSplatterDescriptor,
+    SplatSettings, SurfelRadiance, SurfelizerInput, SurfelizerSettings, glam::DVec3, scenes,
     wgpu::BufferUsages,
 };
-use support::{
-    ambient_occlusion::Renderer,
-    presets,
-    raster::{Raster, perspective},
-    testing::{
-        pipelines,
-        shot::{Shot, camera_of},
-        splats::{Options, Passes, run, splat_settings},
-    },
+use support::testing::{
+    pipelines,
+    shot::{Shot, camera_of},
+    splats::{Options, Passes, run, splat_settings},
 };
 
-/// Different for each surfel: a third are black, and another third's backs alone send anything.
-pub(super) fn radiances(count: u32) -> Vec<SurfelRadiance> {
-    let color = |i: u32| [17, 29, 43].map(|k| (i * k % 64) as f32 / 32.0);
-    let of = |i: u32| SurfelRadiance {
-        front: if i.is_multiple_of(3) {
-            color(i)
-        } else {
-            [0.0; 3]
-        },
-        back: if i % 3 == 2 { [0.0; 3] } else { color(i + 7) },
-        ..SurfelRadiance::default()
-    };
-    (0..count).map(of).collect()
-}
-
-fn options(splat: SplatSettings, of: impl Fn(u32) -> Vec<SurfelRadiance>) -> Options {
-    let mut options = Options::new(splat);
-    options.radiance = Some(of(options.capacity.surfels));
-    options
-}
+use super::splatted::{alike, balanced, color, floor_and_wall, lit, off, radiances, seen};
 
 #[test]
 fn sums_match_the_mirror() {
@@ -61,7 +34,7 @@ fn sums_match_the_mirror() {
         let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, size));
         let effect = DiffuseBounce { two_sided, unit };
         let passes = Passes::new(&effect.effect().expect("a unit"), false);
-        let mut options = options(settings, radiances);
+        let mut options = lit(settings, radiances);
         if !two_sided {
             for radiance in options.radiance.iter_mut().flatten() {
                 radiance.back = [0.0; 3];
@@ -96,7 +69,7 @@ fn evaluated(settings: SplatSettings, of: impl Fn(u32) -> Vec<SurfelRadiance>) -
     };
     let scene = scenes::by_name("cornell").expect("a scene");
     let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, [24, 16]));
-    let run = run(gpu, &shot, &passes, &options(settings, of));
+    let run = run(gpu, &shot, &passes, &lit(settings, of));
     let counts: Vec<u32> = gpu.read_buffer(run.view.statistics().expect("counts"));
     counts.iter().step_by(4).sum()
 }
@@ -104,7 +77,7 @@ fn evaluated(settings: SplatSettings, of: impl Fn(u32) -> Vec<SurfelRadiance>) -
 #[test]
 fn black_surfels_cost_nothing() {
     let settings = splat_settings(3, 0.02);
-    let black = |count| vec![SurfelRadiance::default(); count as usize];
+    let black = alike(SurfelRadiance::default());
     let every_64th = |count| {
         let mut all = black(count);
         for radiance in all.iter_mut().step_by(64) {
@@ -112,14 +85,11 @@ fn black_surfels_cost_nothing() {
         }
         all
     };
-    let all = |count: u32| {
-        let radiance = SurfelRadiance {
-            front: [1.0; 3],
-            ..SurfelRadiance::default()
-        };
-        vec![radiance; count as usize]
-    };
-    assert_eq!(evaluated(settings, black), 0);
+    let all = alike(SurfelRadiance {
+        front: [1.0; 3],
+        ..SurfelRadiance::default()
+    });
+    assert_eq!(evaluated(settings, &black), 0);
     let [few, many] = [evaluated(settings, every_64th), evaluated(settings, all)];
     println!("{few} and {many} pairs");
     assert!(few > 0 && 16 * few < many, "{few} and {many} pairs");
@@ -148,13 +118,8 @@ fn extremes_are_finite() {
             back: [bright; 3],
             ..SurfelRadiance::default()
         };
-        let all = |count: u32| vec![radiance; count as usize];
-        let run = run(
-            gpu,
-            &shot,
-            &passes,
-            &options(splat_settings(2, epsilon), all),
-        );
+        let options = lit(splat_settings(2, epsilon), alike(radiance));
+        let run = run(gpu, &shot, &passes, &options);
         for level in 0..2 {
             for sum in run.channels(gpu, level, 3).concat() {
                 assert!(sum.is_finite() && sum >= 0.0, "{bright}, {unit}: {sum}");
@@ -164,97 +129,42 @@ fn extremes_are_finite() {
     }
 }
 
-/// A floor, and a wall across it that glows: nothing hides behind anything else, so that sums are right.
-pub(super) fn floor_and_wall() -> Scene {
-    let quad = |[a, b, c, d]: [[f32; 3]; 4]| [a, b, c, a, c, d];
-    let floor = [
-        [-2.0, 0.0, 2.0],
-        [2.0, 0.0, 2.0],
-        [2.0, 0.0, -2.0],
-        [-2.0, 0.0, -2.0],
-    ];
-    let wall = [
-        [-1.5, 0.0, 0.0],
-        [1.5, 0.0, 0.0],
-        [1.5, 1.5, 0.0],
-        [-1.5, 1.5, 0.0],
-    ];
-    let of = |emission, albedo| Material {
-        albedo,
-        emission,
-        double_sided: false,
-    };
-    let part = |material: u32| Part {
-        first_index: 6 * material,
-        index_count: 6,
-        material,
-    };
-    Scene {
-        name: "floor and wall",
-        positions: [quad(floor), quad(wall)].concat(),
-        normals: [[[0.0, 1.0, 0.0]; 6], [[0.0, 0.0, 1.0]; 6]].concat(),
-        indices: (0..12).collect(),
-        parts: vec![part(0), part(1)],
-        materials: vec![of([0.0; 3], [0.7, 0.6, 0.5]), of([6.0, 4.0, 2.0], [0.5; 3])],
-        ..scenes::cornell()
-    }
-}
-
 /// Where nothing is hidden the picture is near the truth. At this size surfels of two pixels are coarse beside the wall, and the
 /// pixels there are the brightest: 0.51 of the mean and a bias of -0.06 were seen.
 #[test]
 fn what_nothing_hides_is_near_the_truth() {
     let gpu = pipelines::gpu();
     let scene = floor_and_wall();
-    let size = [48, 32];
-    let camera = Camera::look_at(
-        DVec3::new(0.7, 1.3, 3.0),
-        DVec3::new(0.0, 0.5, 0.0),
-        DVec3::Y,
-        perspective(60.0, 1.5, 0.1),
-        Viewport::full(size[0], size[1]),
-    )
-    .expect("a camera");
-    let shot = Shot::new(gpu, &scene, &camera);
-    // The truth is of the very same pixels.
-    let seen = Raster {
-        depth: shot.depth.clone(),
-        normal: shot.normal.clone(),
-        albedo: shot.albedo.clone(),
-    };
-    let capacity = CloudCapacity {
-        surfels: 1 << 15,
-        pieces: 1 << 14,
-        triangles: 4,
-    };
-    let preset = presets::preset("balanced", f32::INFINITY).expect("a preset");
+    let shot = seen(gpu, &scene, [48, 32]);
     let effect = DiffuseBounce::default().effect().expect("a unit");
-    let renderer = Renderer::of(gpu, &effect, capacity, size, preset.splat.levels, false);
-    let mut renderer = renderer.expect("within limits");
+    let (mut renderer, preset) = balanced(gpu, &effect, &shot, f32::INFINITY);
     let rendered = renderer
-        .render_scene(gpu, &seen, &shot.buffers, &camera, &[], &preset)
+        .render_scene(
+            gpu,
+            &shot.raster(),
+            &shot.buffers,
+            &shot.camera,
+            &[],
+            &preset,
+        )
         .expect("valid settings");
     assert_eq!(rendered.counts.overflow(), 0);
 
     let materials = scene.triangle_materials();
-    let receivers: Vec<_> = shot.pixels.iter().map(|p| p.map(|p| p.receiver)).collect();
+    let receivers = shot.traced();
     let truth = shot
         .tracer
         .one_bounce_image(&receivers, &materials, &[], 64, 1, false);
-    let (mut square, mut mean, mut bias, mut count) = (0.0, 0.0, 0.0, 0.0);
-    for ((found, truth), pixel) in rendered.pictures[0].iter().zip(&truth).zip(&shot.pixels) {
-        let (Some(truth), Some(pixel)) = (truth, pixel) else {
-            continue;
-        };
-        let albedo = DVec3::from(materials[pixel.triangle].albedo.map(f64::from));
-        let found = DVec3::new(found[0].into(), found[1].into(), found[2].into());
-        let error = found - truth.mean * albedo;
-        square += error.length_squared() - (truth.standard_error * albedo).length_squared();
-        bias += error.element_sum();
-        mean += (truth.mean * albedo).element_sum();
-        count += 3.0;
-    }
-    let [error, bias] = [f64::sqrt(square / count) / (mean / count), bias / mean];
+    let pixels = rendered.pictures[0].iter().zip(&truth).zip(&shot.pixels);
+    let [error, bias] = off(pixels.filter_map(|((found, truth), pixel)| {
+        let albedo = DVec3::from(materials[(*pixel)?.triangle].albedo.map(f64::from));
+        let truth = (*truth)?;
+        Some([
+            color(*found),
+            truth.mean * albedo,
+            truth.standard_error * albedo,
+        ])
+    }));
     println!("{error:.3} of the mean, bias {bias:+.3}");
     assert!(
         error < 0.55 && bias.abs() < 0.1,

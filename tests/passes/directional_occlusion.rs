@@ -1,8 +1,8 @@
 //! Directional occlusion by splatting: the GPU against the f64 mirror, the picture against traced rays, and what is refused.
 
 use deep_screen_space::{
-    CloudCapacity, DirectionalOcclusion, Environment, EnvironmentBuilder, EnvironmentLight,
-    EnvironmentSettings, Error, Overlap, ReconstructorInput, ReconstructorSettings,
+    DirectionalOcclusion, Environment, EnvironmentBuilder, EnvironmentLight, EnvironmentSettings,
+    Error, Overlap, ReconstructorInput, ReconstructorSettings,
     glam::{DQuat, DVec3},
     reference::{
         effects::{Receiver, UnderSky},
@@ -11,10 +11,7 @@ use deep_screen_space::{
     scenes, wgpu,
 };
 use support::{
-    ambient_occlusion::Renderer,
     gpu::Gpu,
-    presets,
-    raster::Raster,
     sky,
     testing::{
         frames::Decoded,
@@ -23,6 +20,8 @@ use support::{
         splats::{Options, Passes, Run, Tolerance, run, splat_settings},
     },
 };
+
+use super::splatted::{balanced, color, off};
 
 fn built(gpu: &Gpu, shown: &Picture, size: [u32; 2], levels: bool) -> Environment {
     let builder = pipelines::once(&(), |gpu| {
@@ -34,10 +33,6 @@ fn built(gpu: &Gpu, shown: &Picture, size: [u32; 2], levels: bool) -> Environmen
 
 fn turned() -> DQuat {
     DQuat::from_axis_angle(DVec3::new(0.3, 0.8, -0.5).normalize(), 0.9)
-}
-
-fn color(texel: [f32; 4]) -> DVec3 {
-    DVec3::new(texel[0].into(), texel[1].into(), texel[2].into())
 }
 
 /// A level of what is kept.
@@ -144,46 +139,26 @@ fn sums_and_pictures_match_the_mirror() {
 }
 
 /// Error and bias relative to the mean, of a picture at the balanced preset.
-fn off(gpu: &Gpu, name: &str, shown: &Picture) -> [f64; 2] {
+fn off_at_balanced(gpu: &Gpu, name: &str, shown: &Picture) -> [f64; 2] {
     let scene = scenes::by_name(name).expect("a scene");
-    let size = [72, 45];
-    let camera = camera_of(&scene, 0, size);
-    let shot = Shot::new(gpu, &scene, &camera);
-    let seen = Raster {
-        depth: shot.depth.clone(),
-        normal: shot.normal.clone(),
-        albedo: shot.albedo.clone(),
-    };
-    let capacity = CloudCapacity {
-        surfels: 1 << 16,
-        pieces: 1 << 16,
-        triangles: shot.buffers.triangles(),
-    };
-    let preset = presets::preset("balanced", scene.ao_radius).expect("a preset");
+    let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, [72, 45]));
     let effect = DirectionalOcclusion::default().effect();
-    let renderer = Renderer::of(gpu, &effect, capacity, size, preset.splat.levels, false);
-    let mut renderer = renderer.expect("within limits");
+    let (mut renderer, preset) = balanced(gpu, &effect, &shot, scene.ao_radius);
     renderer.environment = Some(built(gpu, shown, [256, 128], true));
     let meshes = shot.buffers.meshes();
-    let rendered = renderer.render(gpu, &seen, &meshes, &camera, &preset);
+    let rendered = renderer.render(gpu, &shot.raster(), &meshes, &shot.camera, &preset);
     let rendered = rendered.expect("valid settings");
-    let receivers: Vec<_> = shot.pixels.iter().map(|p| p.map(|p| p.receiver)).collect();
+    let receivers = shot.traced();
     let cells = Cells::new(shown.clone(), DQuat::IDENTITY);
     let reach = f64::from(scene.ao_radius);
     let truth = shot
         .tracer
         .environment_image(&receivers, &cells, (reach, 128), 3, false);
-    let (mut square, mut bias, mut mean) = (0.0, 0.0, 0.0);
-    let mut count = 0.0;
-    for (found, truth) in rendered.pictures[0].iter().zip(&truth) {
-        let Some(truth) = truth else { continue };
-        let error = color(*found) - truth.mean;
-        square += error.length_squared() - truth.standard_error.length_squared();
-        bias += error.element_sum();
-        mean += truth.mean.element_sum();
-        count += 3.0;
-    }
-    [f64::sqrt(square / count) / (mean / count), bias / mean]
+    let pixels = rendered.pictures[0].iter().zip(&truth);
+    off(pixels.filter_map(|(found, truth)| {
+        let truth = (*truth)?;
+        Some([color(*found), truth.mean, truth.standard_error])
+    }))
 }
 
 /// Of the mean 0.1 under a dim sky, and 0.2 under one with a small sun, whose shadows are as soft as surfels are large.
@@ -192,7 +167,7 @@ fn light_of_skies_is_near_the_traced_by_sums() {
     let gpu = pipelines::gpu();
     for (name, sky, most) in [("dominoes", "dim", 0.15), ("dominoes", "sunny", 0.3)] {
         let shown = sky::by_name(sky).expect("a sky");
-        let [error, bias] = off(gpu, name, &shown);
+        let [error, bias] = off_at_balanced(gpu, name, &shown);
         println!("{name}, {sky}: {error:.3} of the mean, bias {bias:+.3}");
         assert!(
             error < most && bias.abs() < 0.1,

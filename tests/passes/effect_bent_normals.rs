@@ -1,21 +1,15 @@
 //! Bent normals by splatting: the GPU against the f64 mirror, and the picture against traced means of open directions.
 
 use deep_screen_space::{
-    BentNormals, CloudCapacity, HitResolver, Overlap,
-    glam::{DVec3, DVec4},
-    reference::effects::Receiver,
-    scenes,
+    BentNormals, HitResolver, Overlap, glam::DVec4, reference::effects::Receiver, scenes,
 };
-use support::{
-    ambient_occlusion::Renderer,
-    presets,
-    raster::Raster,
-    testing::{
-        pipelines,
-        shot::{Shot, camera_of},
-        splats::{Options, Passes, run, splat_settings},
-    },
+use support::testing::{
+    pipelines,
+    shot::{Shot, camera_of},
+    splats::{Options, Passes, run, splat_settings},
 };
+
+use super::splatted::{balanced, color};
 
 #[test]
 fn sums_and_pictures_match_the_mirror() {
@@ -58,39 +52,17 @@ fn sums_and_pictures_match_the_mirror() {
 fn bent_normals_by_sums_are_near_the_traced_ones() {
     let gpu = pipelines::gpu();
     let scene = scenes::dominoes();
-    let size = [72, 45];
-    let camera = camera_of(&scene, 0, size);
-    let shot = Shot::new(gpu, &scene, &camera);
-    // The truth is of the very same pixels.
-    let seen = Raster {
-        depth: shot.depth.clone(),
-        normal: shot.normal.clone(),
-        albedo: shot.albedo.clone(),
-    };
-    let capacity = CloudCapacity {
-        surfels: 1 << 16,
-        pieces: 1 << 16,
-        triangles: shot.buffers.triangles(),
-    };
-    let preset = presets::preset("balanced", scene.ao_radius).expect("a preset");
+    let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, [72, 45]));
     let bent = BentNormals {
         overlap: Overlap::Independent,
         ..BentNormals::default()
     };
-    let renderer = Renderer::of(
-        gpu,
-        &bent.effect(),
-        capacity,
-        size,
-        preset.splat.levels,
-        false,
-    );
-    let mut renderer = renderer.expect("within limits");
+    let (mut renderer, preset) = balanced(gpu, &bent.effect(), &shot, scene.ao_radius);
     let meshes = shot.buffers.meshes();
-    let rendered = renderer.render(gpu, &seen, &meshes, &camera, &preset);
+    let rendered = renderer.render(gpu, &shot.raster(), &meshes, &shot.camera, &preset);
     let rendered = rendered.expect("valid settings");
     assert_eq!(rendered.counts.overflow(), 0);
-    let receivers: Vec<_> = shot.pixels.iter().map(|p| p.map(|p| p.receiver)).collect();
+    let receivers = shot.traced();
     let radius = f64::from(scene.ao_radius);
     let truth = shot
         .tracer
@@ -101,7 +73,7 @@ fn bent_normals_by_sums_are_near_the_traced_ones() {
             continue;
         };
         let cone = HitResolver::cone_angle(truth.visibility as f32).to_degrees();
-        let found = DVec3::new(found[0].into(), found[1].into(), found[2].into());
+        let found = color(*found);
         let wide = usize::from(cone >= 60.0);
         sums[wide] += found.angle_between(truth.mean).to_degrees();
         counts[wide] += 1.0;

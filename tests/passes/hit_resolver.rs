@@ -5,7 +5,7 @@ use deep_screen_space::{
     HitResolverSettings, Light, Payload, Sampling, ShadedLight, Shadow, SurfelRadiance,
     SurfelShaderInput, SurfelShaderSettings, SurfelizerSettings, Timestamps, Viewport,
     glam::{DVec2, DVec3},
-    reference::{self, hit_resolver::HitResolution, packing::unpack_color, trace::Receiver},
+    reference::{self, hit_resolver::HitResolution, packing::unpack_color},
     scenes::{self, Scene},
     wgpu,
 };
@@ -70,10 +70,6 @@ fn close_up(scene: &Scene, view: usize, size: u32) -> Shot {
 
 fn senders_of(shot: &Shot, settings: &SurfelizerSettings) -> Senders {
     lab().senders(&shot.buffers.meshes(), &shot.camera, settings, AMPLE)
-}
-
-fn tracer_receivers(shot: &Shot) -> Vec<Option<Receiver>> {
-    shot.pixels.iter().map(|p| p.map(|p| p.receiver)).collect()
 }
 
 fn color(c: [f32; 4]) -> DVec3 {
@@ -268,7 +264,7 @@ pub fn rms(errors: &[f64]) -> f64 {
 
 pub fn truth(shot: &Shot, radius: f64, rays: u32) -> Vec<f64> {
     shot.tracer
-        .ambient_occlusion_image(&tracer_receivers(shot), radius, rays, 11, false)
+        .ambient_occlusion_image(&shot.traced(), radius, rays, 11, false)
         .into_iter()
         .map(|e| e.map_or(1.0, |e| e.mean))
         .collect()
@@ -551,7 +547,7 @@ fn one_bounce_is_the_tracers() {
         let filter = HitResolverSettings::default();
         let found = lab.reconstruct(reconstructor, &shot, &hits, &filter);
         let truth = shot.tracer.one_bounce_image(
-            &tracer_receivers(&shot),
+            &shot.traced(),
             &scene.triangle_materials(),
             &[light],
             512,

@@ -20,6 +20,8 @@ use support::{
     },
 };
 
+use super::splatted::lit;
+
 fn bounce() -> (DiffuseBounce, Effect) {
     let bounce = DiffuseBounce {
         two_sided: true,
@@ -42,9 +44,9 @@ fn options(levels: u32) -> Options {
         back: [7, 11, 9].map(|k| sent(i, k)),
         ..SurfelRadiance::default()
     };
-    let mut options = Options::new(splat_settings(levels, 0.02));
-    options.radiance = Some((0..options.capacity.surfels).map(of).collect());
-    options
+    lit(splat_settings(levels, 0.02), |count| {
+        (0..count).map(of).collect()
+    })
 }
 
 fn shot(gpu: &Gpu) -> Shot {

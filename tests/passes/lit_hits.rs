@@ -7,9 +7,7 @@ use deep_screen_space::{
     CloudCapacity, Error, Frame, HitLighting, HitRadiance, Light, Payload, Primitives, Sampling,
     Viewport,
     glam::DVec3,
-    reference::{
-        bounced_z_buffer::Tracing, light::arrival, packing::unpack_color, trace::Receiver,
-    },
+    reference::{bounced_z_buffer::Tracing, light::arrival, packing::unpack_color},
     scenes::{self, Scene},
     wgpu,
 };
@@ -351,12 +349,7 @@ fn one_bounce_has_no_bias() {
         ..BouncedSettings::default()
     };
     let colors = lab().colors(&case.trace(&all, &settings), &settings);
-    let receivers: Vec<Option<Receiver>> = case
-        .shot
-        .pixels
-        .iter()
-        .map(|p| p.map(|p| p.receiver))
-        .collect();
+    let receivers = case.shot.traced();
     let materials = scene.triangle_materials();
     let truth = case
         .shot

@@ -31,6 +31,7 @@ mod soft_shadows;
 mod specular_bounce;
 mod spherical_gaussian;
 mod splat_sub_images;
+mod splatted;
 mod subsurface_scattering;
 mod surfel_gatherer;
 mod surfel_holes;

@@ -1,24 +1,22 @@
 //! A glossy bounce by splatting: the GPU against the f64 mirror, the picture against traced rays, and at the extremes.
 
-use super::diffuse_bounce::{floor_and_wall, radiances};
 use deep_screen_space::{
-    Camera, CloudCapacity, Error, SpecularBounce, SurfelRadiance, Viewport,
+    Camera, Error, SpecularBounce, SurfelRadiance, Viewport,
     glam::{DMat4, DVec3, DVec4},
     reference::{effects::SeenGlossy, ggx::clean_roughness, trace::Gloss},
     scenes,
     wgpu::{TextureFormat, TextureView},
 };
 use support::{
-    ambient_occlusion::Renderer,
     gpu::Gpu,
-    presets,
-    raster::{Raster, perspective},
     testing::{
         pipelines,
         shot::{Shot, camera_in, camera_of},
-        splats::{Options, Passes, Tolerance, run, splat_settings, try_run},
+        splats::{Passes, Tolerance, run, splat_settings, try_run},
     },
 };
+
+use super::splatted::{alike, balanced, color, floor_and_wall, lit, off, radiances, seen};
 
 const BOUNCE: SpecularBounce = SpecularBounce {
     two_sided: true,
@@ -75,8 +73,7 @@ fn sums_match_the_mirror() {
     let effect = BOUNCE.effect().expect("settings");
     for (name, camera) in [("perspective", seen), ("orthographic", flat)] {
         let shot = Shot::new(gpu, &scene, &camera);
-        let mut options = Options::new(splat_settings(3, 0.02));
-        options.radiance = Some(radiances(options.capacity.surfels));
+        let mut options = lit(splat_settings(3, 0.02), radiances);
         let (texture, roughness) = roughness(gpu, viewport, 0.25);
         options.roughness = Some(texture);
         let run = run(gpu, &shot, &Passes::new(&effect, false), &options);
@@ -101,7 +98,7 @@ fn sums_match_the_mirror() {
         let totals = run.totals(gpu, (&shot, &options), 3, of);
         let pictures = run.pictures(gpu, &shot, &effect, &options);
         for (found, total) in pictures[0].iter().zip(totals) {
-            let found = DVec3::new(found[0].into(), found[1].into(), found[2].into());
+            let found = color(*found);
             let off = (found - total).abs().max_element();
             assert!(off < 1e-3 * (1.0 + total.max_element()), "{found} {total}");
         }
@@ -114,60 +111,41 @@ fn what_nothing_hides_is_near_the_truth_at_each_roughness() {
     let gpu = pipelines::gpu();
     let scene = floor_and_wall();
     let size = [72, 48];
-    let camera = Camera::look_at(
-        DVec3::new(0.7, 1.3, 3.0),
-        DVec3::new(0.0, 0.5, 0.0),
-        DVec3::Y,
-        perspective(60.0, 1.5, 0.1),
-        Viewport::full(size[0], size[1]),
-    )
-    .expect("a camera");
-    let shot = Shot::new(gpu, &scene, &camera);
-    let seen = Raster {
-        depth: shot.depth.clone(),
-        normal: shot.normal.clone(),
-        albedo: shot.albedo.clone(),
-    };
-    let capacity = CloudCapacity {
-        surfels: 1 << 15,
-        pieces: 1 << 14,
-        triangles: 4,
-    };
-    let preset = presets::preset("balanced", f32::INFINITY).expect("a preset");
+    let shot = seen(gpu, &scene, size);
     let bounce = SpecularBounce {
         f0: [0.2; 3],
         ..SpecularBounce::default()
     };
     let effect = bounce.effect().expect("settings");
-    let renderer = Renderer::of(gpu, &effect, capacity, size, preset.splat.levels, false);
-    let mut renderer = renderer.expect("within limits");
+    let (mut renderer, preset) = balanced(gpu, &effect, &shot, f32::INFINITY);
     let materials = scene.triangle_materials();
-    let receivers: Vec<_> = shot.pixels.iter().map(|p| p.map(|p| p.receiver)).collect();
+    let receivers = shot.traced();
     for (roughness, most) in [(0.1, 1.5), (0.3, 0.9), (0.6, 0.6), (1.0, 0.6)] {
         let texels = vec![roughness as f32; (size[0] * size[1]) as usize];
         renderer.roughness = Some(gpu.texture(TextureFormat::R32Float, size[0], size[1], &texels));
         let rendered = renderer
-            .render_scene(gpu, &seen, &shot.buffers, &camera, &[], &preset)
+            .render_scene(
+                gpu,
+                &shot.raster(),
+                &shot.buffers,
+                &shot.camera,
+                &[],
+                &preset,
+            )
             .expect("valid settings");
         let gloss = Gloss {
-            eye: camera.eye(),
+            eye: shot.camera.eye(),
             roughness,
             f0: DVec3::splat(0.2),
         };
         let truth =
             shot.tracer
                 .glossy_image(&receivers, &gloss, (&materials, &[]), (256, 1), false);
-        let (mut square, mut mean, mut bias, mut count) = (0.0, 0.0, 0.0, 0.0);
-        for (found, truth) in rendered.pictures[0].iter().zip(&truth) {
-            let Some(truth) = truth else { continue };
-            let found = DVec3::new(found[0].into(), found[1].into(), found[2].into());
-            let error = found - truth.mean;
-            square += error.length_squared() - truth.standard_error.length_squared();
-            bias += error.element_sum();
-            mean += truth.mean.element_sum();
-            count += 3.0;
-        }
-        let [error, bias] = [f64::sqrt(square / count) / (mean / count), bias / mean];
+        let pixels = rendered.pictures[0].iter().zip(&truth);
+        let [error, bias] = off(pixels.filter_map(|(found, truth)| {
+            let truth = (*truth)?;
+            Some([color(*found), truth.mean, truth.standard_error])
+        }));
         println!("roughness {roughness}: {error:.3} of the mean, bias {bias:+.3}");
         assert!(
             error < most && bias.abs() < 0.2,
@@ -197,8 +175,7 @@ fn extremes_are_finite() {
             back: [bright; 3],
             ..SurfelRadiance::default()
         };
-        let mut options = Options::new(splat_settings(2, epsilon));
-        options.radiance = Some(vec![radiance; options.capacity.surfels as usize]);
+        let mut options = lit(splat_settings(2, epsilon), alike(radiance));
         let texels = [roughness; 256];
         options.roughness = Some(gpu.texture(TextureFormat::R32Float, 16, 16, &texels));
         let run = run(gpu, &shot, &Passes::new(&effect, false), &options);
@@ -232,8 +209,7 @@ fn bad_input_is_a_typed_error() {
     let scene = scenes::fence();
     let shot = Shot::new(gpu, &scene, &camera_of(&scene, 0, [16, 16]));
     let effect = BOUNCE.effect().expect("settings");
-    let mut options = Options::new(splat_settings(2, 0.02));
-    options.radiance = Some(radiances(options.capacity.surfels));
+    let options = lit(splat_settings(2, 0.02), radiances);
     let done = try_run(gpu, &shot, &Passes::new(&effect, false), &options);
     let error = done.err().expect("no roughness").to_string();
     assert!(error.contains("GBuffer::roughness"), "{error}");

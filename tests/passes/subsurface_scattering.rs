@@ -15,15 +15,16 @@ use deep_screen_space::{
 };
 use support::{
     ambient_occlusion::Renderer,
-    raster::Raster,
     scene::SceneBuffers,
     testing::{
         pipelines,
         refusals::refused,
         shot::{Shot, camera_of},
-        splats::{Options, Passes, run, splat_settings},
+        splats::{Passes, run, splat_settings},
     },
 };
+
+use super::splatted::{alike, color, lit};
 
 /// Red, green and blue of the last columns of table 1 of Jensen et al. (2001): what a plane of each reflects.
 const PUBLISHED: [(&str, [f64; 3]); 12] = [
@@ -285,8 +286,7 @@ fn sums_match_the_mirror() {
         ..SubsurfaceScattering::new(Scattering::SKIN1.scaled(300.0))
     };
     let passes = Passes::new(&effect.effect().expect("a material"), false);
-    let mut options = Options::new(splat_settings(3, 0.02));
-    options.radiance = Some(irradiances(options.capacity.surfels));
+    let mut options = lit(splat_settings(3, 0.02), irradiances);
     options.splat.radius = 0.08;
     let run = run(gpu, &shot, &passes, &options);
     assert_eq!(run.counts.overflow(), 0);
@@ -324,8 +324,7 @@ fn extremes_are_finite() {
             back: [1.0; 3],
             ..SurfelRadiance::default()
         };
-        let mut options = Options::new(splat_settings(2, epsilon));
-        options.radiance = Some(vec![radiance; options.capacity.surfels as usize]);
+        let options = lit(splat_settings(2, epsilon), alike(radiance));
         let run = run(gpu, &shot, &passes, &options);
         for level in 0..2 {
             for sum in run.channels(gpu, level, 3).concat() {
@@ -412,11 +411,6 @@ fn the_statue_is_near_the_truth() {
     let size = [64, 56];
     let camera: Camera = camera_of(&scene, 0, size);
     let shot = Shot::new(gpu, &masked, &camera);
-    let seen = Raster {
-        depth: shot.depth.clone(),
-        normal: shot.normal.clone(),
-        albedo: shot.albedo.clone(),
-    };
     let lights = [Light::Directional {
         direction: DVec3::new(0.8, -0.7, 0.6),
         irradiance: [3.2, 3.1, 2.9],
@@ -457,12 +451,12 @@ fn the_statue_is_near_the_truth() {
     for (quality, bar) in [(Quality::Balanced, 0.1), (Quality::Accurate, 0.03)] {
         let preset = effect.splats(quality, pixel as f32);
         let rendered = renderer
-            .render_scene(gpu, &seen, &buffers, &camera, &lights, &preset)
+            .render_scene(gpu, &shot.raster(), &buffers, &camera, &lights, &preset)
             .expect("valid settings");
         assert_eq!(rendered.counts.overflow(), 0);
         let (mut square, mut mean, mut count) = (0.0, 0.0, 0.0);
         for (found, truth) in rendered.pictures[0].iter().zip(&truth) {
-            let found = DVec3::new(found[0].into(), found[1].into(), found[2].into());
+            let found = color(*found);
             if let Some(truth) = truth {
                 square += (found - truth).length_squared();
                 mean += truth.element_sum();

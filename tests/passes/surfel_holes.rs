@@ -202,7 +202,7 @@ fn splats_of_cards_are_those_of_blades() {
         let levels = preset.splat.levels;
         let mut renderer =
             Renderer::new(gpu, effect, ROOM, [72, 48], levels, false).expect("passes");
-        let receivers: Vec<_> = shot.pixels.iter().map(|p| p.map(|p| p.receiver)).collect();
+        let receivers = shot.traced();
         let tracer: &Tracer = &shot.tracer;
         let reach = f64::from(scene.ao_radius);
         let truth = tracer.ambient_occlusion_image(&receivers, reach, 256, 1, false);

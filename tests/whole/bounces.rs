@@ -8,7 +8,6 @@ use deep_screen_space::{
     RayTracedInput, RayTracedScene, RayTracedSceneInput, RayTracedView, RayTracedViewDescriptor,
     SurfelGathererSettings,
     glam::DVec3,
-    reference::trace::Receiver,
     scenes::{self, Scene},
     wgpu::{self, TextureFormat as Format},
 };
@@ -110,8 +109,7 @@ impl Stage {
         rays: u32,
     ) -> (f64, f64) {
         let pixels = &self.shot.pixels;
-        let receivers: Vec<Option<Receiver>> =
-            pixels.iter().map(|p| p.map(|p| p.receiver)).collect();
+        let receivers = self.shot.traced();
         let materials = scene.triangle_materials();
         let truth = self.shot.tracer.bounces_image(
             &receivers,

@@ -13,7 +13,6 @@ use deep_screen_space::{
     TemporalAccumulator, TemporalInput, TemporalSettings, Viewport, VolumetricObscurance,
     VolumetricObscuranceDescriptor,
     glam::{DMat4, DVec3, DVec4, dcamera::rh::proj::directx as right},
-    reference::trace::Receiver,
     scenes,
     wgpu::TextureFormat as Format,
 };
@@ -485,8 +484,7 @@ fn ray_errors(shot: &Shot) -> (f64, f64) {
     let view = lab().view(shot, Payload::Occlusion, Sampling::Cosine, 64);
     lab().trace_into(shot, &senders, None, &settings, Sampling::Cosine, &view);
     let bits = lab().blocked(&view, &settings);
-    let receivers: Vec<Option<Receiver>> =
-        shot.pixels.iter().map(|p| p.map(|p| p.receiver)).collect();
+    let receivers = shot.traced();
     let truth = shot
         .tracer
         .ambient_occlusion_image(&receivers, f64::INFINITY, 256, 1, false);

@@ -914,7 +914,7 @@ fn light_among_holes_is_near_the_traced() {
         render_with_holes(&mut scene, &mut view, &shot, &target).expect("a picture");
     }
     let found = picture(&target);
-    let receivers: Vec<_> = shot.pixels.iter().map(|p| p.map(|p| p.receiver)).collect();
+    let receivers = shot.traced();
     let sun = [Light::Directional {
         direction: DVec3::new(0.3, -1.0, 0.2),
         irradiance: [3.0; 3],

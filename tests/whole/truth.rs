@@ -3,7 +3,6 @@
 use deep_screen_space::{
     AmbientOcclusion, Camera, SplatSettings, Viewport,
     glam::{DVec3, Vec3},
-    reference::trace::Receiver,
     scenes::{self, Part, Scene},
 };
 use support::raster::perspective;
@@ -15,8 +14,7 @@ const RAYS: u32 = 128;
 
 /// RMSE and mean error over the pixels that see something.
 fn compare(shot: &Shot, visibility: &[f32], radius: f64) -> (f64, f64) {
-    let receivers: Vec<Option<Receiver>> =
-        shot.pixels.iter().map(|p| p.map(|p| p.receiver)).collect();
+    let receivers = shot.traced();
     let truth = shot
         .tracer
         .ambient_occlusion_image(&receivers, radius, RAYS, 1, false);

@@ -12,13 +12,18 @@ use deep_screen_space::{
         packing::{pack_normal, unpack_normal},
         receivers::Decoder,
         shell_splatter::Receiver,
-        trace::Tracer,
+        trace::{self, Tracer},
     },
     scenes::Scene,
     wgpu,
 };
 
-use crate::{gpu::Gpu, raster::perspective, scene::SceneBuffers, testing::frames::Decoded};
+use crate::{
+    gpu::Gpu,
+    raster::{Raster, perspective},
+    scene::SceneBuffers,
+    testing::frames::Decoded,
+};
 
 /// What the passes are given.
 pub struct Shot {
@@ -139,6 +144,20 @@ impl Shot {
                 })
             })
             .collect()
+    }
+
+    /// Where the eye's ray through each pixel meets the scene, as the ray tracer takes it.
+    pub fn traced(&self) -> Vec<Option<trace::Receiver>> {
+        self.pixels.iter().map(|p| p.map(|p| p.receiver)).collect()
+    }
+
+    /// Its textures.
+    pub fn raster(&self) -> Raster {
+        Raster {
+            depth: self.depth.clone(),
+            normal: self.normal.clone(),
+            albedo: self.albedo.clone(),
+        }
     }
 
     pub fn gbuffer(&self) -> GBuffer<'_> {
