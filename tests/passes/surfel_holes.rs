@@ -18,7 +18,6 @@ use deep_screen_space::{
 use support::{
     ambient_occlusion::Renderer,
     presets,
-    raster::Raster,
     scene::SceneBuffers,
     testing::{
         pipelines,
