@@ -29,6 +29,12 @@ done
 DISPLAY=:$(cat "$folder/display")
 export DISPLAY
 unset WAYLAND_DISPLAY
-# Its arithmetic is the crate's and the support's: to optimise what is left would take longer than it saves.
-cargo test --config 'profile.dev.package.deep-screen-space-viewer.opt-level=0' --manifest-path "$root/Cargo.toml" \
+# Its arithmetic is the crate's and the support's: to optimise what is left, the window and its text, would take longer than it
+# saves.
+unoptimised=()
+for package in deep-screen-space-viewer accesskit arboard egui egui-winit epaint fearless_simd font-types harfrust kurbo peniko \
+  read-fonts rustix skrifa vello_common vello_cpu winit x11rb x11rb-protocol; do
+  unoptimised+=(--config "profile.dev.package.$package.opt-level=0")
+done
+cargo test "${unoptimised[@]}" --manifest-path "$root/Cargo.toml" \
   --package deep-screen-space-viewer --no-default-features --features x11 "$@"
