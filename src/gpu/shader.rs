@@ -67,6 +67,7 @@ const COMMON: &[Module<'static>] = common![
     environment_cells,
     environment,
     environment_levels,
+    emitters,
     kinship,
     spherical_gaussian,
     sg_glossy,

@@ -3,6 +3,7 @@
 use crate::{
     BouncedSettings, HitResolverSettings, Payload, RayBudgetSettings, ReconstructorSettings,
     SplatSettings, SurfelizerSettings, bounced_z_buffer::settings::MAX_RAYS_PER_PIXEL,
+    ray_traced::bounces::aimed,
 };
 
 /// How exactly: a point on the curve of error over time, which `cargo bench --bench error_time` measures.
@@ -73,6 +74,10 @@ pub struct RaySettings {
     pub rays_per_pixel: u32,
     /// Further rays, for those pixels that are noisiest, if any.
     pub further: Option<RayBudgetSettings>,
+    /// How many rays per pixel go to surfaces that shine of themselves, beside `rays_per_pixel`, 0…16, as
+    /// [`BouncedDescriptor::emitter_samples`](crate::BouncedDescriptor::emitter_samples): for a scene
+    /// [with emitters](crate::RayTracedScene::with_emitters), and indirect light alone.
+    pub emitter_samples: u32,
     /// The filter.
     pub filter: HitResolverSettings,
 }
@@ -90,6 +95,7 @@ impl RaySettings {
         Self {
             rays_per_pixel,
             further: None,
+            emitter_samples: 0,
             filter,
         }
     }
@@ -116,6 +122,18 @@ impl RaySettings {
         }
     }
 
+    /// As many rays in all, a part of which go to surfaces that shine of themselves, for a scene
+    /// [with emitters](crate::RayTracedScene::with_emitters): one in five, rounded, and one at least, of two rays or more.
+    #[must_use]
+    pub fn for_emitters(self) -> Self {
+        let [rays_per_pixel, emitter_samples] = aimed(self.rays_per_pixel, self.emitter_samples);
+        Self {
+            rays_per_pixel,
+            emitter_samples,
+            ..self
+        }
+    }
+
     /// As many rays in all, at every pixel alike.
     #[must_use]
     pub fn everywhere(self) -> Self {
@@ -131,7 +149,7 @@ impl RaySettings {
     /// Rays per pixel on average, further ones included.
     pub fn all_rays(&self) -> f64 {
         let further = self.further.map_or(0.0, |further| further.rays_per_pixel);
-        f64::from(self.rays_per_pixel) + f64::from(further)
+        f64::from(self.rays_per_pixel) + f64::from(self.emitter_samples) + f64::from(further)
     }
 
     /// What the tracer takes, for hits nearer than `radius`.
