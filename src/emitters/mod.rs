@@ -187,8 +187,8 @@ impl EmittersBuilder {
     /// Records what of a cloud shines, which is to be done after each of its recordings.
     ///
     /// # Errors
-    /// [`Error::Recording`] for a cloud that was not recorded; [`Error::Mismatch`] for another cloud's room; [`Error::Buffer`] and
-    /// [`Error::Limit`] for materials.
+    /// [`Error::Recording`] for a cloud that was not recorded; [`Error::Mismatch`] for another cloud's room; [`Error::Buffer`]
+    /// and [`Error::Limit`] for materials.
     pub fn record(
         &self,
         device: &Device,

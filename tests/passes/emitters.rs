@@ -391,8 +391,8 @@ fn over_frames(case: &Case, descriptor: &BouncedDescriptor, rays: u32, frames: u
     [mean, (squares / (n - 1.0) / n).sqrt()]
 }
 
-/// With rays towards emitters and without the mean is the same, within three times what frames differ by: they are stratified, and
-/// their mean is off by less. They differ by so little that three hundredths would be seen.
+/// With rays towards emitters and without the mean is the same, within three times what frames differ by: they are stratified,
+/// and their mean is off by less. They differ by so little that three hundredths would be seen.
 #[test]
 fn aimed_rays_have_no_bias() {
     for (name, scene) in [

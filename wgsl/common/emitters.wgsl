@@ -80,8 +80,8 @@ fn chance_share(by_chance: f32, aimed: f32) -> f32 {
   return by_chance / max(by_chance + aimed, 1e-30);
 }
 
-// The piece that a ray meets where it was aimed at, which may be one that meets the sample's in an edge; MISS where something else
-// stands before it.
+// The piece that a ray meets where it was aimed at, which may be one that meets the sample's in an edge; MISS where something
+// else stands before it.
 fn aim(ray: Ray, drawn: EmitterSample, distance: f32, farthest: f32) -> u32 {
   let hit = trace_nearest(ray, min(distance * (1.0 + AIM), farthest));
   let is_there = hit.primitive == drawn.piece || hit.t >= distance * (1.0 - AIM);
