@@ -238,32 +238,28 @@ impl BouncePasses {
 
         let recordings = self.recordings() as usize;
         for bounce in 0..recordings {
-            let (from, emitters) = match (bounce, before) {
-                (0, Some(before)) => {
-                    let from = SurfelSenders {
-                        cloud: before.cloud,
-                        bvh: before.bvh,
-                        radiance: &before.lights.sent,
-                    };
-                    (from, before.emitters)
-                }
-                _ => {
-                    let from = SurfelSenders {
-                        cloud,
-                        bvh,
-                        radiance: match bounce {
-                            0 => sent,
-                            _ => &gathered[(bounce - 1) % 2],
-                        },
-                    };
-                    (from, emitters)
-                }
+            let mut senders = SurfelSenders {
+                cloud,
+                bvh,
+                radiance: match bounce {
+                    0 => sent,
+                    _ => &gathered[(bounce - 1) % 2],
+                },
             };
+            let mut emitters = emitters;
+            if let (0, Some(before)) = (bounce, before) {
+                senders = SurfelSenders {
+                    cloud: before.cloud,
+                    bvh: before.bvh,
+                    radiance: &before.lights.sent,
+                };
+                emitters = before.emitters;
+            }
             let to = &gathered[bounce % 2];
             let input = SurfelGathererInput {
                 cloud,
                 emitters: emitters.filter(|_| self.aims()),
-                ..SurfelGathererInput::new(from, lighting.materials, to)
+                ..SurfelGathererInput::new(senders, lighting.materials, to)
             };
             let settings = &self.settings.gatherer;
             self.gatherer.record(device, encoder, &input, settings)?;

@@ -392,12 +392,12 @@ fn over_frames(case: &Case, descriptor: &BouncedDescriptor, rays: u32, frames: u
 }
 
 /// With rays towards emitters and without the mean is the same, within three times what frames differ by: they are stratified,
-/// and their mean is off by less. They differ by so little that three hundredths would be seen.
+/// and their mean is off by less. Where one lamp shines they differ by so little that two hundredths would be seen.
 #[test]
 fn aimed_rays_have_no_bias() {
-    for (name, scene) in [
-        ("cornell", scenes::cornell()),
-        ("strewn", strewn(8, 1.0, 0.7)),
+    for (name, scene, most) in [
+        ("cornell", scenes::cornell(), 0.006),
+        ("strewn", strewn(8, 1.0, 0.7), 0.03),
     ] {
         let case = Case::new(&scene, 0, [48, 32]);
         for sampling in [Sampling::Cosine, Sampling::Glossy] {
@@ -414,7 +414,7 @@ fn aimed_rays_have_no_bias() {
                     "{name} {sampling:?} {samples} {counted}: {:.5} ± {:.5}, without {:.5} ± {:.5}",
                     aimed[0], aimed[1], plain[0], plain[1]
                 );
-                assert!(noise < 0.01 * plain[0], "{noise} of {}", plain[0]);
+                assert!(noise < most * plain[0], "{noise} of {}", plain[0]);
                 assert!(off <= 3.0 * noise, "{off}, noise {noise}");
             }
         }
