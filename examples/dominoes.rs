@@ -172,6 +172,7 @@ impl<'o> Studio<'o> {
                 counted: false,
                 joined: false,
                 bent_normals: false,
+                emitter_samples: 0,
                 target: TextureFormat::Rgba32Float,
             };
             Gatherer::new(&gpu, descriptor, size, MANY, false)

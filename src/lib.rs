@@ -12,6 +12,7 @@
 //! * [`SurfelShader`]: what each surfel sends of the caller's [`Light`]s, for effects that bounce light.
 //! * [`SurfelGatherer`]: what surfels send of the light that others send them, for light that bounces more than once.
 //! * [`EnvironmentBuilder`]: a caller's sky, as rays that meet nothing bring it.
+//! * [`EmittersBuilder`]: the surfaces that shine of themselves, for rays to be aimed at.
 //! * [`ShellSplatter`]: sums over the surfels for every pixel of the caller's G-buffer, near ones at full resolution and
 //!   far ones ever more coarsely. What a surfel adds to a pixel is an [`Effect`], the crate's ([`AmbientOcclusion`],
 //!   [`DiffuseBounce`], [`SpecularBounce`], [`SubsurfaceScattering`], [`BentNormals`], [`DirectionalOcclusion`]), one of the
@@ -101,6 +102,7 @@ mod camera;
 mod depth_moments;
 mod effect;
 mod effects;
+mod emitters;
 mod environment;
 mod error;
 mod gbuffer;
@@ -167,6 +169,7 @@ pub use effects::{
     specular_bounce::SpecularBounce,
     subsurface_scattering::SubsurfaceScattering,
 };
+pub use emitters::{Emitters, EmittersBuilder, EmittersInput};
 pub use environment::{
     Environment, EnvironmentBuilder, EnvironmentInput, EnvironmentLight, EnvironmentSource,
     settings::EnvironmentSettings,

@@ -3,7 +3,7 @@
 use crate::{
     alpha_test, bounced_z_buffer, bvh, depth_moments,
     effect::{Effect, Listing},
-    environment,
+    emitters, environment,
     error::Error,
     gpu::{listing::Shader, scan, sort},
     hit_resolver, instanced_bvh, multi_res_mask, multi_res_reconstructor, ray_budget, receivers,
@@ -30,6 +30,7 @@ const PASSES: &[List] = &[
     alpha_test::list,
     instanced_bvh::list,
     environment::list,
+    emitters::list,
     bounced_z_buffer::list,
     hit_resolver::list,
     ray_budget::list,

@@ -315,6 +315,7 @@ fn memory_stays() {
         counted: false,
         joined: false,
         bent_normals: false,
+        emitter_samples: 0,
         target: format,
     };
     let gatherer = HitResolver::new(device, &descriptor).expect("pipelines");

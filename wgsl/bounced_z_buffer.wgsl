@@ -18,6 +18,10 @@
 // the nearest. With #if RAY_QUERY the device itself traverses, a structure of its own. With #if ALPHA_TESTED triangles may have
 // holes.
 //
+// With #if EMITTERS pixels have EMITTER_SAMPLES rays besides, towards pieces that shine of themselves. What these shine is
+// weighed by multiple importance sampling, along either kind of rays; all else that hits send is brought by the pixels' own rays
+// alone.
+//
 // With #if COUNTED pixels may have different numbers of rays, none among them. Those beyond `columns` x `rows` come in sets of
 // as many, each with one ray per cell, of which the sums are kept.
 
@@ -46,6 +50,9 @@ enable wgpu_ray_query;
 #endif
 #if ENVIRONMENT
 #import environment
+#endif
+#if EMITTERS
+#import emitters
 #endif
 
 alias Counter = u32;
@@ -92,6 +99,9 @@ struct PixelRays {
 #endif
 
 override SAMPLING: u32 = 0u;
+#if EMITTERS
+override EMITTER_SAMPLES: u32 = 1u;
+#endif
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> counters: Counters;
@@ -111,7 +121,7 @@ override SAMPLING: u32 = 0u;
 #endif
 @group(0) @binding(4) var receivers: texture_2d<u32>;
 #if RADIANCE
-// Packed colours, one layer per direction.
+// Packed colours, one layer per direction; then one for each ray towards emitters, of glossy receivers two.
 @group(0) @binding(5) var hits: texture_storage_2d_array<r32uint, write>;
 #if LIT
 @group(0) @binding(13) var<uniform> lights: Lights;
@@ -147,6 +157,10 @@ override SAMPLING: u32 = 0u;
 #if GLOSSY
 // Perceptual roughness, of the caller's.
 @group(0) @binding(12) var roughness_texture: texture_2d<f32>;
+#endif
+#if EMITTERS
+// Sums of weights before each piece (wgsl/common/emitters.wgsl).
+@group(0) @binding(36) var emitters: texture_2d<u32>;
 #endif
 #if ENVIRONMENT
 @group(0) @binding(32) var<uniform> environment: Environment;
@@ -220,7 +234,12 @@ fn surfel_at(ray: Ray, hit: Hit) -> u32 {
 #endif
 #endif
 
+#if EMITTERS
+// `pdf` is the density over solid angle with which the ray was drawn.
+fn incoming(ray: Ray, hit: Hit, sky: vec3f, pdf: f32) -> vec3f {
+#else
 fn incoming(ray: Ray, hit: Hit, sky: vec3f) -> vec3f {
+#endif
   if hit.primitive == MISS {
     return sky;
   }
@@ -247,7 +266,14 @@ fn incoming(ray: Ray, hit: Hit, sky: vec3f) -> vec3f {
     }
   }
   let material = materials[min(index, arrayLength(&materials) - 1u)];
-  let own = own_radiosity(material, facing);
+  var own = own_radiosity(material, facing);
+#if EMITTERS
+  if any(own > vec3f(0.0)) {
+    let share = emitter_share(hit.primitive);
+    let aimed = aimed_pdf(EMITTER_SAMPLES, hit.primitive, share, ray.direction, hit.t);
+    own *= chance_share(f32(rays_per_pixel()) * pdf, aimed);
+  }
+#endif
   var sent = (own + sanitize(material.albedo) * irradiance) / PI;
 #if GATHERED
   let gathered = radiance[surfel_at(ray, hit)];
@@ -348,6 +374,28 @@ fn draw(start: Start, index: u32, turn: u32) -> Drawn {
 }
 #endif
 
+#if STATISTICS
+fn count_ray(is_blocked: bool) {
+  atomicAdd(&statistics[0], 1u);
+  atomicAdd(&statistics[1], nodes_visited);
+  atomicAdd(&statistics[2], primitives_tested);
+  atomicAdd(&statistics[3], select(0u, 1u, is_blocked));
+}
+#endif
+
+#if EMITTERS && !GLOSSY
+// The mean density over a diffuse pixel's rays along a direction.
+fn rays_pdf(start: Start, toward: vec3f) -> f32 {
+  let cosine = max(dot(start.normal, toward), 0.0) / PI;
+#if ENVIRONMENT
+  let own = f32(environment.columns * environment.rows) / f32(rays_per_pixel());
+  return own * cosine + (1.0 - own) * environment_at(toward).pdf;
+#else
+  return cosine;
+#endif
+}
+#endif
+
 fn look(start: Start, index: u32, turn: u32) -> Seen {
   var seen: Seen;
 #if ENVIRONMENT && !GLOSSY
@@ -376,18 +424,35 @@ fn look(start: Start, index: u32, turn: u32) -> Seen {
 #endif
 #endif
   let ray = make_ray(start.origin, direction);
+#if EMITTERS
+#if GLOSSY
+  let pdf = glossy_pdf(lobe, drawn.facet);
+#else
+  let pdf = rays_pdf(start, direction);
+#endif
+#endif
 #if RADIANCE && !SKY_LIGHT
   let hit = find(ray, start.pixel, start.normal);
   seen.blocked = hit.primitive != MISS;
   let distance = hit.t;
 #if ENVIRONMENT
 #if GLOSSY
-  seen.color = pack_color(incoming(ray, hit, environment_at(direction).radiance));
+  let sky = environment_at(direction).radiance;
 #else
-  seen.color = pack_color(drawn.weight * incoming(ray, hit, drawn.toward.radiance));
+  let sky = drawn.toward.radiance;
 #endif
 #else
-  seen.color = pack_color(incoming(ray, hit, params.sky_radiance));
+  let sky = params.sky_radiance;
+#endif
+#if EMITTERS
+  let arriving = incoming(ray, hit, sky, pdf);
+#else
+  let arriving = incoming(ray, hit, sky);
+#endif
+#if ENVIRONMENT && !GLOSSY
+  seen.color = pack_color(drawn.weight * arriving);
+#else
+  seen.color = pack_color(arriving);
 #endif
 #else
   let distance = meet_any(ray, start.pixel, start.normal);
@@ -402,13 +467,70 @@ fn look(start: Start, index: u32, turn: u32) -> Seen {
     seen.nearness = u32(round(start.side / max(distance, start.side) * NEAREST));
   }
 #if STATISTICS
-  atomicAdd(&statistics[0], 1u);
-  atomicAdd(&statistics[1], nodes_visited);
-  atomicAdd(&statistics[2], primitives_tested);
-  atomicAdd(&statistics[3], select(0u, 1u, seen.blocked));
+  count_ray(seen.blocked);
 #endif
   return seen;
 }
+
+#if EMITTERS
+// What a ray towards emitters brings, weighed as a pixel's own rays are: packed radiance, or of glossy receivers what the lobe
+// makes of it, times the reflectance straight on and besides.
+#if GLOSSY
+alias Shone = vec2u;
+#else
+alias Shone = u32;
+#endif
+
+fn shine(start: Start, index: u32, turn: u32) -> Shone {
+  let drawn = emitter_sample(start.pixel, index, EMITTER_SAMPLES, turn, params.frame);
+  let offset = drawn.point - start.origin;
+  let direction = normalize_or(offset, vec3f(0.0));
+  let distance = dot(offset, direction);
+#if GLOSSY
+  let roughness = textureLoad(roughness_texture, camera.viewport.xy + start.pixel, 0).x;
+  let lobe = make_lobe(start.normal, start.seen_from, roughness);
+  let light = direction * lobe.frame;
+  let facet = facet_of(lobe, light);
+  let pdf = glossy_pdf(lobe, facet);
+  let value = pdf * glossy_share(lobe, light);
+  let power = schlick_power(lobe, facet);
+  let values = value * vec2f(1.0 - power, power);
+#else
+  let pdf = rays_pdf(start, direction);
+  let value = max(dot(start.normal, direction), 0.0) / PI;
+#endif
+  if drawn.share <= 0.0 || !(value > 0.0) || distance > params.world_radius {
+    return Shone();
+  }
+  let ray = make_ray(start.origin, direction);
+  let met = aim(ray, drawn, distance, params.world_radius);
+#if STATISTICS
+  count_ray(met != MISS);
+#endif
+  if met == MISS {
+    return Shone();
+  }
+  let aimed = aimed_pdf(EMITTER_SAMPLES, drawn.piece, drawn.share, direction, distance);
+  let density = f32(rays_per_pixel()) * pdf + aimed;
+  let radiance = own_along(met, direction) * (f32(EMITTER_SAMPLES) / max(density, 1e-30));
+#if GLOSSY
+  return vec2u(pack_color(values.x * radiance), pack_color(values.y * radiance));
+#else
+  return pack_color(value * radiance);
+#endif
+}
+
+// In the layers behind those of a pixel's rays.
+fn keep_shone(start: Start, index: u32, shone: Shone) {
+#if GLOSSY
+  let layer = rays_per_pixel() + 2u * index;
+  textureStore(hits, start.pixel, layer, vec4u(shone.x, 0u, 0u, 0u));
+  textureStore(hits, start.pixel, layer + 1u, vec4u(shone.y, 0u, 0u, 0u));
+#else
+  textureStore(hits, start.pixel, rays_per_pixel() + index, vec4u(shone, 0u, 0u, 0u));
+#endif
+}
+#endif
 
 fn keep(start: Start, index: u32, seen: Seen) {
   let place = place_of(start.pixel);
@@ -452,6 +574,15 @@ fn trace_listed(
 #endif
     keep(start, index, look(start, index, 0u));
   }
+#if EMITTERS
+  for (var index = 0u; index < EMITTER_SAMPLES; index++) {
+#if STATISTICS
+    nodes_visited = 0u;
+    primitives_tested = 0u;
+#endif
+    keep_shone(start, index, shine(start, index, 0u));
+  }
+#endif
 }
 
 #else
@@ -500,6 +631,25 @@ fn trace_more(
 #endif
     }
   }
+#if EMITTERS
+  // As many rays count as there are of the pixel's own.
+  let per_sample = f32(rays_per_pixel()) / f32(EMITTER_SAMPLES);
+  for (var index = 0u; index < EMITTER_SAMPLES; index++) {
+    for (var turn = 1u; turn <= item.y; turn++) {
+#if STATISTICS
+      nodes_visited = 0u;
+      primitives_tested = 0u;
+#endif
+      let shone = shine(start, index, turn);
+#if GLOSSY
+      sum += per_sample * unpack_color(shone.x);
+      grazing += per_sample * unpack_color(shone.y);
+#else
+      sum += per_sample * unpack_color(shone);
+#endif
+    }
+  }
+#endif
   atomicAdd(&nearness[place], near);
   counts[place].rays += item.y * rays_per_pixel();
 #if RADIANCE
@@ -528,6 +678,13 @@ fn trace_pixel(pixel: vec2u, index: u32) {
   }
 #endif
   let start = start_at(pixel, texel);
+#if EMITTERS
+  if index >= rays_per_pixel() {
+    let sample = index - rays_per_pixel();
+    keep_shone(start, sample, shine(start, sample, 0u));
+    return;
+  }
+#endif
   keep(start, index, look(start, index, 0u));
 }
 

@@ -19,6 +19,8 @@
 // With #if BENT the picture is the mean of the directions in which nothing is hit, and the share of them. What is gathered is by
 // how much that mean leans off the one of all the pixel's directions, which is known to be along its normal.
 //
+// With #if EMITTERS pixels had EMITTER_SAMPLES rays towards emitters besides: the mean is the sum of both kinds' means.
+//
 // With #if COUNTED pixels have different numbers of rays, and those that have none take their light from the others. A pixel
 // counts alike whatever its number: that follows from what its neighbours' rays brought, and weights that did too would
 // give a bias.
@@ -65,6 +67,9 @@ struct Params {
 }
 
 override SAMPLING: u32 = 0u;
+#if EMITTERS
+override EMITTER_SAMPLES: u32 = 1u;
+#endif
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var receivers: texture_2d<u32>;
@@ -138,6 +143,23 @@ fn incoming(pixel: vec2u, index: u32) -> vec3f {
   return vec3f(select(1.0, 0.0, ((word >> (index & 31u)) & 1u) != 0u));
 #endif
 }
+
+#if EMITTERS
+// The sum of what came along rays towards emitters, and in w of its luminance's squares.
+fn shone_at(pixel: vec2u) -> vec4f {
+  var sum = vec4f(0.0);
+  for (var i = 0u; i < EMITTER_SAMPLES; i++) {
+#if GLOSSY
+    let layer = rays_per_pixel() + 2u * i;
+    let value = params.f0 * incoming(pixel, layer) + incoming(pixel, layer + 1u);
+#else
+    let value = incoming(pixel, rays_per_pixel() + i);
+#endif
+    sum += vec4f(value, luminance(value) * luminance(value));
+  }
+  return sum;
+}
+#endif
 
 #if BENT
 // xyz by how much the mean of the open directions leans, w the share of them.
@@ -269,8 +291,17 @@ fn average(@builtin(global_invocation_id) id: vec3u) {
     }
     let per_weight = 1.0 / max(weights, 1e-6);
     mean = sum * per_weight;
-    let spread = max(squares * per_weight - luminance(mean) * luminance(mean), 0.0);
+    var spread = max(squares * per_weight - luminance(mean) * luminance(mean), 0.0);
     var rays = f32(rays_per_pixel());
+#if EMITTERS
+    let samples = f32(EMITTER_SAMPLES);
+    let shone = shone_at(pixel);
+    let shone_mean = shone.xyz / samples;
+    mean += shone_mean;
+    sum += shone_mean * rays;
+    // Of a ray of the pixel's, for what its share of those towards emitters spread.
+    spread += max(shone.w / samples - luminance(shone_mean) * luminance(shone_mean), 0.0) * rays / samples;
+#endif
     var apart = 0.0;
 #if RAYS
     // Of rays beyond the first set the sums are known; what they spread is taken to be the same, but what the first set did not
@@ -301,6 +332,11 @@ fn average(@builtin(global_invocation_id) id: vec3u) {
 #endif
     let chance = 0.5 * whole / rays;
     variance = 0.5 * max(spread / rays, apart) + chance * chance;
+#if EMITTERS
+    // Nor do those towards emitters tell more by how few they are.
+    let aimed = 0.5 * luminance(shone_mean) * f32(rays_per_pixel()) / (samples * rays);
+    variance += aimed * aimed;
+#endif
   }
   textureStore(means, pixel, vec4f(mean, variance));
 #endif

@@ -10,6 +10,9 @@
 //
 // The cloud that rays meet may be another than that of the surfels: the one of the frame before, with the light of then.
 //
+// With #if EMITTERS each side has rays besides, towards pieces that shine of themselves; what these shine, which is a part of
+// what their surfels send, is weighed by multiple importance sampling, along either kind of rays.
+//
 // With #if RAY_QUERY the device itself traverses, a structure of its own; with #if ALPHA_TESTED triangles may have holes.
 
 #if RAY_QUERY
@@ -25,6 +28,9 @@ enable wgpu_ray_query;
 #import slots
 #import triangle
 #import directions
+#if EMITTERS
+#import emitters
+#endif
 
 alias Counter = u32;
 
@@ -44,9 +50,10 @@ struct Params {
   // Of the cloud that rays meet.
   surfel_capacity: u32,
   piece_capacity: u32,
+  // Rays of each side towards emitters.
+  emitter_samples: u32,
   padding0: u32,
   padding1: u32,
-  padding2: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -69,6 +76,9 @@ struct Params {
 @group(0) @binding(8) var<storage, read> pieces: array<Piece>;
 @group(0) @binding(9) var<storage, read> surfel_offsets: array<u32>;
 @group(0) @binding(10) var<storage, read> sent: array<SurfelRadiance>;
+#if EMITTERS
+@group(0) @binding(13) var emitters: texture_2d<u32>;
+#endif
 // What is added.
 @group(0) @binding(11) var<storage, read> added: array<SurfelRadiance>;
 
@@ -84,8 +94,8 @@ const PARTS: u32 = 16u;
 // From part to part: neighbouring directions start far apart.
 const PART_STEP: u32 = 5u;
 
-// What comes along a ray.
-fn incoming(ray: Ray, hit: Hit) -> vec3f {
+// What comes along a ray that was drawn by the cosine to `side`.
+fn incoming(ray: Ray, hit: Hit, side: vec3f) -> vec3f {
   if hit.primitive == MISS {
     return params.sky_radiance;
   }
@@ -95,8 +105,51 @@ fn incoming(ray: Ray, hit: Hit) -> vec3f {
   let total = surfel_offsets[params.piece_capacity];
   let surfel = nearest_room(surfel_offsets[hit.primitive] + leaf, total, params.surfel_capacity);
   let facing = dot(cross(t.b - t.a, t.c - t.a), ray.direction) < 0.0;
-  return sanitize(select(sent[surfel].back, sent[surfel].front, facing));
+  let all = sanitize(select(sent[surfel].back, sent[surfel].front, facing));
+#if EMITTERS
+  let own = own_along(hit.primitive, ray.direction);
+  if any(own > vec3f(0.0)) {
+    let share = emitter_share(hit.primitive);
+    let aimed = aimed_pdf(params.emitter_samples, hit.primitive, share, ray.direction, hit.t);
+    let by_chance = f32(params.columns * params.rows) * max(dot(side, ray.direction), 0.0) / PI;
+    return max(all - (1.0 - chance_share(by_chance, aimed)) * own, vec3f(0.0));
+  }
+#endif
+  return all;
 }
+
+// Where ray k of a side starts, from one of the parts of the surfel's triangle in turn.
+fn start_of(leaf: Triangle, turn: u32, k: u32, side: vec3f) -> vec3f {
+  let part = (turn + PART_STEP * k) % PARTS;
+  let own = centroid(leaf_of(leaf, part, SPLITS));
+  let place = own + params.shift;
+  return place + side * max(ray_epsilon(own), ray_epsilon(place));
+}
+
+#if EMITTERS
+// What rays towards emitters bring of the mean below.
+fn shone(i: u32, which: u32, leaf: Triangle, side: vec3f) -> vec3f {
+  let turn = hash2(i, which);
+  var sum = vec3f(0.0);
+  for (var k = 0u; k < params.emitter_samples; k++) {
+    // As few as they are, they start from other parts in each frame.
+    let origin = start_of(leaf, turn, k + params.frame * params.emitter_samples, side);
+    let drawn = emitter_sample(vec2u(i, which), k, params.emitter_samples, 0u, params.frame);
+    let direction = normalize_or(drawn.point - origin, vec3f(0.0));
+    let distance = dot(drawn.point - origin, direction);
+    let value = max(dot(side, direction), 0.0) / PI;
+    if drawn.share > 0.0 && value > 0.0 {
+      let met = aim(make_ray(origin, direction), drawn, distance, FAR);
+      if met != MISS {
+        let aimed = aimed_pdf(params.emitter_samples, drawn.piece, drawn.share, direction, distance);
+        let density = f32(params.columns * params.rows) * value + aimed;
+        sum += own_along(met, direction) * (value / max(density, 1e-30));
+      }
+    }
+  }
+  return sum;
+}
+#endif
 
 // The mean of what reaches a side of a surfel, weighed by the cosine. `which` tells the surfel's sides apart.
 fn gathered(i: u32, which: u32, leaf: Triangle, side: vec3f) -> vec3f {
@@ -104,15 +157,17 @@ fn gathered(i: u32, which: u32, leaf: Triangle, side: vec3f) -> vec3f {
   let turn = hash2(i, which);
   var sum = vec3f(0.0);
   for (var k = 0u; k < rays; k++) {
-    let part = (turn + PART_STEP * k) % PARTS;
-    let own = centroid(leaf_of(leaf, part, SPLITS));
-    let place = own + params.shift;
     let cell = cell_point(vec2u(i, which), k, params.columns, params.rows, params.frame);
     let direction = hemisphere_direction(cell, side, SAMPLE_COSINE).direction;
-    let ray = make_ray(place + side * max(ray_epsilon(own), ray_epsilon(place)), direction);
-    sum += incoming(ray, trace_nearest(ray, FAR));
+    let ray = make_ray(start_of(leaf, turn, k, side), direction);
+    sum += incoming(ray, trace_nearest(ray, FAR), side);
   }
-  return sum / f32(rays);
+  let mean = sum / f32(rays);
+#if EMITTERS
+  return mean + shone(i, which, leaf, side);
+#else
+  return mean;
+#endif
 }
 
 @compute @workgroup_size(64)

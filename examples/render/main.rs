@@ -127,6 +127,10 @@ pub(crate) struct Options {
     /// the bounced z-buffer.
     #[arg(long)]
     further_rays: Option<f32>,
+    /// How many of these rays go to surfaces that shine, up to 16, for light by the bounced z-buffer; if left out, one in five
+    /// where materials emit.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(0..=16))]
+    pub(crate) emitter_samples: Option<u32>,
     /// How often light bounces on its way to the eye, for `gi` by the bounced z-buffer: beyond 1 surfels gather light from each
     /// other. So often in the reference too.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=16))]

@@ -13,6 +13,7 @@ use support::{
     ambient_occlusion::Renderer,
     bounced::{BouncedRenderer, RayRoom},
     gpu::Gpu,
+    lights::is_emissive,
     presets,
     raster::Raster,
     scene::SceneBuffers,
@@ -304,14 +305,26 @@ pub fn bounced(
         _ => Payload::Occlusion,
     };
     let glossy = options.effect == "specular";
-    let suited = |rays: RaySettings| if glossy { rays.for_glossy() } else { rays };
+    let suited = |rays: RaySettings| {
+        let rays = if glossy { rays.for_glossy() } else { rays };
+        let set = rays.rays_per_pixel;
+        match options.emitter_samples {
+            Some(aimed) => RaySettings {
+                rays_per_pixel: set.saturating_sub(aimed).max(1),
+                emitter_samples: aimed,
+                ..rays
+            },
+            None if options.light() && is_emissive(scene) => rays.for_emitters(),
+            None => rays,
+        }
+    };
     let rays = presets::rays(&options.preset, payload).ok_or("no such preset")?;
     let mut preset = presets::of(&suited(rays), radius);
     if let Some(rays_per_pixel) = options.rays_per_pixel {
         preset = presets::of(&suited(RaySettings::new(rays_per_pixel, payload)), radius);
     }
     if let Some(further) = options.further_rays {
-        let rays_per_pixel = preset.bounced.rays_per_pixel;
+        let rays_per_pixel = preset.bounced.rays_per_pixel + preset.emitter_samples;
         let rays = RaySettings::with_further(rays_per_pixel, further, payload);
         preset = presets::of(&suited(rays), radius);
     }
@@ -341,6 +354,7 @@ pub fn bounced(
         } else {
             Sampling::default()
         },
+        emitter_samples: preset.emitter_samples,
         ..RayRoom::default()
     };
     let surfels = if room.bounces > 1 { options.surfels } else { 0 };
@@ -371,6 +385,7 @@ pub fn bounced(
         settings: json!({
             "bounces": room.bounces,
             "rays_per_pixel": rays_per_pixel,
+            "emitter_samples": preset.emitter_samples,
             "further_rays": preset.further.map_or(0.0, |further| further.rays_per_pixel),
             "window": preset.reconstructor.radius,
             "spread": preset.reconstructor.spread,

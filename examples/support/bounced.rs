@@ -2,13 +2,13 @@
 
 use deep_screen_space::{
     AlphaTestedInput, BounceSettings, BouncedDescriptor, BouncedInput, BouncedSettings,
-    BouncedView, BouncedZBuffer, Bvh, BvhBuilder, Camera, CloudCapacity, Environment,
-    EnvironmentLight, Error, GBuffer, Geometry, HitEstimateInput, HitLighting, HitRadiance,
-    HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverSettings, HitResolverView,
-    Light, Payload, Primitives, RayBudget, RayBudgetInput, RayBudgetSettings, RayBudgetView, Reach,
-    Sampling, ShadedLight, Shadow, SurfelCloud, SurfelCounts, SurfelGatherer, SurfelGathererInput,
-    SurfelSenders, SurfelShader, SurfelShaderInput, SurfelShaderSettings, Surfelizer,
-    SurfelizerInput, SurfelizerSettings, wgpu,
+    BouncedView, BouncedZBuffer, Bvh, BvhBuilder, Camera, CloudCapacity, Emitters, EmittersBuilder,
+    EmittersInput, Environment, EnvironmentLight, Error, GBuffer, Geometry, HitEstimateInput,
+    HitLighting, HitRadiance, HitResolver, HitResolverDescriptor, HitResolverInput,
+    HitResolverSettings, HitResolverView, Light, Payload, Primitives, RayBudget, RayBudgetInput,
+    RayBudgetSettings, RayBudgetView, Reach, Sampling, ShadedLight, Shadow, SurfelCloud,
+    SurfelCounts, SurfelGatherer, SurfelGathererInput, SurfelSenders, SurfelShader,
+    SurfelShaderInput, SurfelShaderSettings, Surfelizer, SurfelizerInput, SurfelizerSettings, wgpu,
 };
 
 use super::{
@@ -51,6 +51,8 @@ pub struct TracedScene {
     /// What hits are lit by, of the last update.
     lights: Vec<Light>,
     materials: Option<wgpu::Buffer>,
+    /// What shines, for gatherers that aim rays at it.
+    emitters: Option<(EmittersBuilder, Emitters)>,
     /// What rays bring that meet nothing, for gatherers of an environment.
     pub environment: Option<Environment>,
 }
@@ -70,6 +72,12 @@ impl TracedScene {
             None
         };
         let builder = BvhBuilder::new(device, gatherer.primitives)?;
+        let aims = gatherer.descriptor.emitter_samples > 0;
+        let emitters = aims.then(|| -> Result<_, Error> {
+            let builder = EmittersBuilder::new(device)?;
+            let emitters = builder.create(device, &cloud)?;
+            Ok((builder, emitters))
+        });
         Ok(Self {
             bvh: builder.create(device, &cloud)?,
             builder,
@@ -79,6 +87,7 @@ impl TracedScene {
             further_bounces: None,
             lights: Vec::new(),
             materials: None,
+            emitters: emitters.transpose()?,
             environment: None,
         })
     }
@@ -91,7 +100,11 @@ impl TracedScene {
         bounces: u32,
     ) -> Result<Self, Error> {
         let mut scene = Self::new(gpu, gatherer, capacity)?;
-        let gatherer = SurfelGatherer::with_primitives(&gpu.device, gatherer.primitives)?;
+        let device = &gpu.device;
+        let gatherer = match scene.emitters {
+            Some(_) => SurfelGatherer::with_emitters(device, gatherer.primitives)?,
+            None => SurfelGatherer::with_primitives(device, gatherer.primitives)?,
+        };
         let room = || gatherer.create_radiance(&gpu.device, &scene.cloud);
         scene.further_bounces = Some(FurtherBounces {
             gathered: [room()?, room()?],
@@ -112,6 +125,10 @@ impl TracedScene {
                 .further_bounces
                 .as_ref()
                 .map_or(0, |f| f.gathered.iter().map(wgpu::Buffer::size).sum())
+            + self
+                .emitters
+                .as_ref()
+                .map_or(0, |(_, emitters)| emitters.memory_bytes())
     }
 
     /// Makes pieces and the hierarchy over them and, where they are to shine, lights `samples` points of each surfel; a
@@ -164,6 +181,12 @@ impl TracedScene {
         });
         done?;
         passes.push(("bvh", ms));
+        if let Some((builder, emitters)) = &self.emitters {
+            let input = EmittersInput::new(&self.cloud, &scene.materials);
+            let (ms, done) = gpu.time(|encoder| builder.record(device, encoder, &input, emitters));
+            done?;
+            passes.push(("emitters", ms));
+        }
         if let Some(lighting) = &self.surfel_lighting {
             let lights: Vec<_> = lights
                 .iter()
@@ -215,7 +238,11 @@ impl TracedScene {
         (further, sent): (&FurtherBounces, &wgpu::Buffer),
     ) -> Result<(), Error> {
         let (device, cloud) = (&gpu.device, &self.cloud);
-        let settings = BounceSettings::in_frame(further.bounces);
+        let emitters = self.emitters.as_ref().map(|(_, emitters)| emitters);
+        let mut settings = BounceSettings::in_frame(further.bounces);
+        if emitters.is_some() {
+            settings = settings.for_emitters();
+        }
         settings.validate()?;
         for bounce in 2..=further.bounces as usize {
             let [to, from] = [0, 1].map(|other| &further.gathered[(bounce + other) % 2]);
@@ -224,7 +251,10 @@ impl TracedScene {
                 bvh: &self.bvh,
                 radiance: if bounce == 2 { sent } else { from },
             };
-            let input = SurfelGathererInput::new(senders, materials, to);
+            let input = SurfelGathererInput {
+                emitters,
+                ..SurfelGathererInput::new(senders, materials, to)
+            };
             further
                 .gatherer
                 .record(device, encoder, &input, &settings.gatherer)?;
@@ -281,6 +311,7 @@ impl Gatherer {
             sampling: descriptor.sampling,
             statistics,
             counted: descriptor.counted,
+            emitter_samples: descriptor.emitter_samples,
         };
         let bounced = BouncedZBuffer::new(device, &bounced)?;
         let resolver = HitResolver::new(device, &descriptor)?;
@@ -343,6 +374,7 @@ impl Gatherer {
         let input = BouncedInput {
             radiance,
             environment: scene.environment.as_ref().map(EnvironmentLight::new),
+            emitters: scene.emitters.as_ref().map(|(_, emitters)| emitters),
             ..BouncedInput::new(&frame, &scene.cloud, &scene.bvh)
         };
         let mut passes = vec![("decode", decode_ms)];
@@ -432,6 +464,8 @@ pub struct RayRoom {
     pub primitives: Primitives,
     /// Where rays go; of glossy receivers the renderer is given the roughness.
     pub sampling: Sampling,
+    /// Rays towards what shines, beside the others.
+    pub emitter_samples: u32,
 }
 
 impl BouncedRenderer {
@@ -451,6 +485,7 @@ impl BouncedRenderer {
             bounces,
             primitives,
             sampling,
+            emitter_samples,
         } = room;
         let payload = if bounces > 1 && payload == Payload::LitRadiance {
             Payload::LitAndGathered
@@ -464,6 +499,7 @@ impl BouncedRenderer {
             counted,
             joined: false,
             bent_normals,
+            emitter_samples,
             target: wgpu::TextureFormat::Rgba32Float,
         };
         let how = (statistics, primitives);

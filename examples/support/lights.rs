@@ -2,13 +2,17 @@
 
 use deep_screen_space::{Light, glam::DVec3, scenes::Scene};
 
+/// Whether any of a scene's surfaces shines of itself.
+pub fn is_emissive(scene: &Scene) -> bool {
+    let materials = &scene.materials;
+    materials
+        .iter()
+        .any(|m| m.emission.iter().any(|e| *e > 0.0))
+}
+
 /// Late morning, for a scene without a light of its own.
 pub fn sun_unless_emissive(scene: &Scene) -> Option<Light> {
-    let dark = scene
-        .materials
-        .iter()
-        .all(|material| material.emission == [0.0; 3]);
-    dark.then_some(Light::Directional {
+    (!is_emissive(scene)).then_some(Light::Directional {
         direction: DVec3::new(0.45, -0.8, -0.4),
         irradiance: [3.2, 3.1, 2.9],
     })

@@ -15,6 +15,8 @@ pub struct BouncedPreset {
     pub bounced: BouncedSettings,
     /// For rays that are counted.
     pub further: Option<RayBudgetSettings>,
+    /// For renderers that aim so many.
+    pub emitter_samples: u32,
     pub reconstructor: HitResolverSettings,
 }
 
@@ -58,6 +60,7 @@ pub fn of(rays: &RaySettings, radius: f32) -> BouncedPreset {
         },
         bounced: rays.bounced(radius),
         further: rays.further,
+        emitter_samples: rays.emitter_samples,
         reconstructor: rays.filter,
     }
 }

@@ -12,7 +12,8 @@ use wgpu::{
 
 use self::{
     descriptor::{
-        BouncedDescriptor, BouncedScene, HitLighting, HitRadiance, NEEDED_FOR_MORE, Payload,
+        BouncedDescriptor, BouncedScene, HitLighting, HitRadiance, MAX_EMITTER_SAMPLES,
+        NEEDED_FOR_MORE, Payload,
     },
     params::{BouncedParams, DiskParams, LightsParams, MAX_LIGHTS, pixel_rays_bytes},
     settings::{BouncedSettings, MAX_RAYS_PER_PIXEL, Sampling},
@@ -21,6 +22,7 @@ use self::{
 use crate::{
     bvh::{Bvh, Primitives, disks::DiskBounds},
     effect::Listing,
+    emitters::Emitters,
     environment::{EnvironmentLight, params::PlacedParams},
     error::{Error, check_setting},
     geometry::Material,
@@ -108,6 +110,9 @@ pub struct BouncedInput<'a> {
     pub pixels: Option<&'a [PixelList<'a>]>,
     /// What comes from where nothing is hit, where the [descriptor](BouncedDescriptor::environment) asks for it.
     pub environment: Option<EnvironmentLight<'a>>,
+    /// What of the cloud shines of itself, recorded since it was, for a descriptor with
+    /// [`emitter_samples`](BouncedDescriptor::emitter_samples).
+    pub emitters: Option<&'a Emitters>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -126,6 +131,7 @@ impl<'a> BouncedInput<'a> {
             radiance: HitRadiance::None,
             pixels: None,
             environment: None,
+            emitters: None,
             timestamps: None,
         }
     }
@@ -144,6 +150,7 @@ struct Checked<'a> {
     radiance: Option<Resource<'a>>,
     lighting: Option<HitLighting<'a>>,
     environment: Option<EnvironmentLight<'a>>,
+    emitters: Option<&'a Emitters>,
     roughness: Option<TextureSlice<'a>>,
     primitives: Vec<Named<'a>>,
     disks: Option<&'a DiskBounds>,
@@ -179,11 +186,20 @@ impl BouncedZBuffer {
             "true with Payload::Sky and Sampling::Cosine, false with Payload::Occlusion and with Sampling::Uniform",
         )?;
         check_setting(
+            can_aim(descriptor),
+            "BouncedDescriptor::emitter_samples",
+            descriptor.emitter_samples,
+            "0 to 16, and 0 unless a cloud's triangles are lit, and with Sampling::Uniform",
+        )?;
+        check_setting(
             can_count(descriptor),
             "BouncedDescriptor::statistics",
             f64::from(u8::from(descriptor.statistics)),
             "false, with Primitives::RayQuery and Payload::LitAndGathered",
         )?;
+        let mut constants = vec![("SAMPLING", f64::from(descriptor.sampling.code()))];
+        let samples = f64::from(descriptor.emitter_samples);
+        constants.extend(descriptor.aims().then_some(("EMITTER_SAMPLES", samples)));
         let kernel = |stage: Stage| -> Result<_, Error> {
             let module = shader::create(device, LABEL, source(descriptor, stage)?);
             let layout = module.layout(device, &[stage.entry()]);
@@ -192,7 +208,7 @@ impl BouncedZBuffer {
                 module: &module,
                 entry: stage.entry(),
                 layouts: &[&layout.raw],
-                constants: &[("SAMPLING", f64::from(descriptor.sampling.code()))],
+                constants: &constants,
                 cache,
             }
             .create(device);
@@ -244,7 +260,7 @@ impl BouncedZBuffer {
                     "deep-screen-space hits",
                     TextureFormat::R32Uint,
                     size,
-                    rays_per_pixel.max(1),
+                    rays_per_pixel.max(1) + self.descriptor.emitter_layers(),
                 )?;
                 Hits::Colors(texture.create_view(&wgpu::TextureViewDescriptor {
                     dimension: Some(TextureViewDimension::D2Array),
@@ -408,6 +424,7 @@ impl BouncedZBuffer {
         self.check_view([viewport.width, viewport.height], settings, view)?;
         let (radiance, lighting) = self.check_radiance(device, input, view)?;
         let environment = self.check_environment(input)?;
+        let emitters = self.check_emitters(input)?;
         let roughness = match self.descriptor.sampling {
             Sampling::Glossy => Some(frame.gbuffer.roughness_for("Sampling::Glossy")?),
             Sampling::Cosine | Sampling::Uniform => None,
@@ -448,6 +465,7 @@ impl BouncedZBuffer {
             radiance,
             lighting,
             environment,
+            emitters,
             roughness,
             primitives,
             disks,
@@ -540,6 +558,8 @@ impl BouncedZBuffer {
                 ),
             ]);
         }
+        let emitters = checked.emitters;
+        resources.extend(emitters.map(|emitters| ("emitters", emitters.bound())));
         let statistics = view.statistics.as_ref();
         resources.extend(statistics.map(|counts| ("statistics", whole(counts))));
         let roughness = checked.roughness.map(|slice| slice.read());
@@ -572,11 +592,11 @@ impl BouncedZBuffer {
         };
         let mut pass = compute_pass(encoder, LABEL, input.timestamps);
         // Bits were cleared; a layer of colours cannot be, and without directions gets one that meets nothing.
-        let layers = match view.hits {
+        let threads = match view.hits {
             Hits::Bits(_) => settings.rays_per_pixel,
-            Hits::Colors(_) => settings.rays_per_pixel.max(1),
+            Hits::Colors(_) => settings.rays_per_pixel.max(1) + self.descriptor.emitter_samples,
         };
-        if layers == 0 {
+        if threads == 0 {
             return;
         }
         pass.set_pipeline(pipeline);
@@ -585,7 +605,7 @@ impl BouncedZBuffer {
             match work {
                 Work::All => {
                     let [width, height] = view.size();
-                    pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), layers);
+                    pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), threads);
                 }
                 Work::Lists(lists) => pass.dispatch_workgroups_indirect(lists[i].dispatch, 0),
                 Work::More(budget) => pass.dispatch_workgroups_indirect(budget.dispatch(), 0),
@@ -686,6 +706,23 @@ impl BouncedZBuffer {
         Ok(Some(light))
     }
 
+    /// What shines, where rays are aimed at it.
+    fn check_emitters<'r>(&self, input: &BouncedInput<'r>) -> Result<Option<&'r Emitters>, Error> {
+        if !self.descriptor.aims() {
+            return Ok(None);
+        }
+        let Some(emitters) = input.emitters else {
+            return Err(Error::Mismatch {
+                name: "BouncedInput::emitters",
+                found: "none".into(),
+                needed: "those of the cloud, for BouncedDescriptor::emitter_samples".into(),
+            });
+        };
+        let (cloud, _) = input.scene.cloud()?;
+        emitters.check_source(cloud)?;
+        Ok(Some(emitters))
+    }
+
     fn check_surfels(
         &self,
         device: &Device,
@@ -746,6 +783,16 @@ fn is_environment_possible(descriptor: &BouncedDescriptor) -> bool {
     }
 }
 
+/// What is aimed at are a cloud's triangles, as they are lit, by directions whose density is weighed where they are drawn.
+fn can_aim(descriptor: &BouncedDescriptor) -> bool {
+    !descriptor.aims()
+        || (descriptor.emitter_samples <= MAX_EMITTER_SAMPLES
+            && descriptor.lit()
+            && !descriptor.primitives.are_instances()
+            && !descriptor.primitives.are_disks()
+            && descriptor.sampling != Sampling::Uniform)
+}
+
 /// The device does not tell its steps, and of buffers there are eight.
 fn can_count(descriptor: &BouncedDescriptor) -> bool {
     !(descriptor.statistics && (descriptor.primitives.by_device() || descriptor.gathered()))
@@ -797,19 +844,23 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
         for primitives in traced {
             for sampling in [Sampling::Cosine, Sampling::Glossy] {
                 for [statistics, counted, environment] in SWITCHES {
-                    let descriptor = BouncedDescriptor {
-                        payload,
-                        primitives,
-                        sampling,
-                        statistics,
-                        counted,
-                        environment,
-                    };
-                    if is_possible(&descriptor)
-                        && is_environment_possible(&descriptor)
-                        && can_count(&descriptor)
-                    {
-                        list_stages(all, &descriptor)?;
+                    for emitter_samples in [0, 1] {
+                        let descriptor = BouncedDescriptor {
+                            payload,
+                            primitives,
+                            sampling,
+                            statistics,
+                            counted,
+                            environment,
+                            emitter_samples,
+                        };
+                        if is_possible(&descriptor)
+                            && is_environment_possible(&descriptor)
+                            && can_aim(&descriptor)
+                            && can_count(&descriptor)
+                        {
+                            list_stages(all, &descriptor)?;
+                        }
                     }
                 }
             }
@@ -836,6 +887,7 @@ fn list_stages(all: &mut Listing<'_>, descriptor: &BouncedDescriptor) -> Result<
                 (descriptor.lit(), "lit"),
                 (descriptor.environment && !descriptor.sky(), "environment"),
                 (descriptor.gathered(), "gathered"),
+                (descriptor.aims(), "emitters"),
                 (descriptor.primitives.are_disks(), "disks"),
                 (descriptor.primitives.are_instances(), "instances"),
                 (descriptor.primitives.are_alpha_tested(), "alpha tested"),

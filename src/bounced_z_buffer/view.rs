@@ -69,7 +69,9 @@ impl BouncedView {
 
     /// With [`Payload::Radiance`](crate::Payload::Radiance) the hits: an `R32Uint` array texture with one layer per direction, of
     /// what arrives along it: 8 bits each of red, green and blue times 2^(e − 136), e being the highest 8 bits; 0 where nothing
-    /// does (usages `TEXTURE_BINDING | COPY_SRC`).
+    /// does (usages `TEXTURE_BINDING | COPY_SRC`). Layers of rays towards emitters follow the recording's directions: of diffuse
+    /// receivers one a ray, of what it brings as the pixel's own rays do, and of glossy ones two, of what the lobe makes of that,
+    /// in units of the reflectance straight on and besides.
     pub fn radiance(&self) -> Option<&TextureView> {
         match &self.hits {
             Hits::Bits(_) => None,
@@ -107,7 +109,7 @@ impl BouncedView {
             Hits::Colors(_) => plane_bytes(
                 TextureFormat::R32Uint,
                 self.size(),
-                self.rays_per_pixel.max(1),
+                self.rays_per_pixel.max(1) + self.descriptor.emitter_layers(),
             ),
         };
         let besides = [&self.statistics, &self.counts];

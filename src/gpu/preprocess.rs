@@ -33,6 +33,7 @@ pub(crate) const FLAGS: &[&str] = &[
     "DEFERRED",
     "DEPTH",
     "EDGES",
+    "EMITTERS",
     "ENVIRONMENT",
     "FINER",
     "GATHERED",

@@ -69,6 +69,7 @@ const COMMON: &[Module<'static>] = common![
     environment_cells,
     environment,
     environment_levels,
+    emitters,
     kinship,
     spherical_gaussian,
     sg_glossy,

@@ -91,6 +91,8 @@ pub struct HitResolverDescriptor {
     /// normal, of the half angle `asin(√w)`, is as open ([`HitResolver::cone_angle`]). Surfaces that have no normal, the sky, are
     /// 0 and open. With [`Payload::Occlusion`] and [`Sampling::Cosine`], and without `deferred`, `counted` and `joined`.
     pub bent_normals: bool,
+    /// As [`BouncedDescriptor::emitter_samples`] of the hits; 0 with `deferred`.
+    pub emitter_samples: u32,
     /// Any colour format that can be rendered to; its missing channels are dropped. For bent normals one of four channels that
     /// holds negative numbers.
     pub target: TextureFormat,
@@ -193,6 +195,7 @@ impl BouncedZBuffer {
             payload,
             sampling,
             counted,
+            emitter_samples,
             ..
         } = *self.descriptor();
         HitResolverDescriptor {
@@ -202,6 +205,7 @@ impl BouncedZBuffer {
             counted,
             joined: false,
             bent_normals: false,
+            emitter_samples,
             target,
         }
     }
@@ -234,7 +238,8 @@ impl HitResolver {
     ///
     /// # Errors
     /// [`Error::Format`] for a target that cannot be rendered to or does not hold floats, or not those of bent normals;
-    /// [`Error::Setting`] for `joined` with `deferred`, and for bent normals with what they do not go with.
+    /// [`Error::Setting`] for `joined` or rays towards emitters with `deferred`, and for bent normals with what they do not go
+    /// with.
     pub fn new<'a>(
         compiler: impl Into<Compiler<'a>>,
         descriptor: &HitResolverDescriptor,
@@ -247,13 +252,23 @@ impl HitResolver {
             f64::from(u8::from(descriptor.joined)),
             "false, with deferred",
         )?;
+        let aims = descriptor.emitter_samples > 0;
+        check_setting(
+            !aims || (descriptor.payload.is_radiance() && !descriptor.deferred),
+            "HitResolverDescriptor::emitter_samples",
+            descriptor.emitter_samples,
+            "as the hits', 0 without radiance and with deferred",
+        )?;
         check_bent(descriptor)?;
         let module = |stage| -> Result<_, Error> {
             Ok(shader::create(device, LABEL, source(descriptor, stage)?))
         };
         let constants = [("SAMPLING", f64::from(descriptor.sampling.code()))];
+        let mut of_average = constants.to_vec();
+        let samples = f64::from(descriptor.emitter_samples);
+        of_average.extend(aims.then_some(("EMITTER_SAMPLES", samples)));
         let of = module(HitStage::Average)?;
-        let (average_layout, average) = of.kernel(device, "average", &constants, cache);
+        let (average_layout, average) = of.kernel(device, "average", &of_average, cache);
         let of = module(HitStage::Near)?;
         let (near_layout, near) = of.kernel(device, "near", &[], cache);
         let screen = |stage| -> Result<_, Error> {
@@ -529,16 +544,27 @@ impl HitResolver {
         let needed = &self.descriptor;
         let found = &hits.descriptor;
         let is_same = found.payload.is_radiance() == needed.payload.is_radiance()
-            && (found.sampling, found.counted) == (needed.sampling, needed.counted);
+            && (found.sampling, found.counted, found.emitter_samples)
+                == (needed.sampling, needed.counted, needed.emitter_samples);
         if !is_same {
-            let kind = |payload: Payload, sampling: Sampling, counted: bool| {
+            let kind = |payload: Payload, sampling: Sampling, counted: bool, aimed: u32| {
                 let counted = if counted { "" } else { "not " };
-                format!("{payload:?}, {sampling:?}, {counted}counted")
+                format!("{payload:?}, {sampling:?}, {counted}counted, {aimed} emitter samples")
             };
             return Err(Error::Mismatch {
                 name: "HitResolverInput::hits",
-                found: kind(found.payload, found.sampling, found.counted),
-                needed: kind(needed.payload, needed.sampling, needed.counted),
+                found: kind(
+                    found.payload,
+                    found.sampling,
+                    found.counted,
+                    found.emitter_samples,
+                ),
+                needed: kind(
+                    needed.payload,
+                    needed.sampling,
+                    needed.counted,
+                    needed.emitter_samples,
+                ),
             });
         }
         if needed.deferred && found.drawn_by_environment() {
@@ -635,7 +661,10 @@ fn source(descriptor: &HitResolverDescriptor, stage: HitStage) -> Result<String,
         flags.extend(descriptor.albedo().then_some("ALBEDO"));
     }
     match stage {
-        HitStage::Average => flags.extend(["AVERAGE", "HITS"]),
+        HitStage::Average => {
+            flags.extend(["AVERAGE", "HITS"]);
+            flags.extend((descriptor.emitter_samples > 0).then_some("EMITTERS"));
+        }
         HitStage::Reconstruct if descriptor.deferred => flags.extend(["DEFERRED", "HITS"]),
         HitStage::Near => flags.push("NEAR"),
         HitStage::Reconstruct => {}
@@ -669,6 +698,7 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
                         counted,
                         joined: false,
                         bent_normals: false,
+                        emitter_samples: 0,
                         target: TextureFormat::Rgba16Float,
                     };
                     let is_glossy = sampling == Sampling::Glossy;
@@ -705,6 +735,14 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
                         ],
                     );
                     all.add(&name, source(&descriptor, stage)?);
+                    if payload == Payload::Radiance && stage == HitStage::Average {
+                        let descriptor = HitResolverDescriptor {
+                            emitter_samples: 1,
+                            ..descriptor
+                        };
+                        let name = format!("{name} emitters");
+                        all.add(&name, source(&descriptor, stage)?);
+                    }
                 }
             }
         }
@@ -716,6 +754,7 @@ pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
         counted: false,
         joined: false,
         bent_normals: true,
+        emitter_samples: 0,
         target: TextureFormat::Rgba16Float,
     };
     for (stage, name) in [

@@ -197,7 +197,8 @@ impl RayBudget {
         }
         budget.recorded.set(frame.place());
         encoder.clear_buffer(&budget.state, 0, None);
-        let params = RayBudgetParams::new(*settings, frame, input.filter, &traced.settings);
+        let of_a_set = (&traced.settings, hits.descriptor.emitter_samples);
+        let params = RayBudgetParams::new(*settings, frame, input.filter, of_a_set);
         let (parameters, params) = self.uniforms.upload_one(device, encoder, &params);
         let all = [
             ("params", parameters.at(params)),

@@ -39,9 +39,13 @@ pub(crate) fn least_share(filter: &HitResolverSettings) -> f32 {
     ((2 * filter.radius + 1) as f32).powi(-2)
 }
 
-/// Sets per pixel: on average, and of one pixel at most.
-pub(crate) fn sets(settings: RayBudgetSettings, traced: &BouncedSettings) -> [f32; 2] {
-    let set = traced.rays_per_pixel.max(1);
+/// Sets per pixel: on average, and of one pixel at most. Of each set so many rays go to emitters.
+pub(crate) fn sets(
+    settings: RayBudgetSettings,
+    traced: &BouncedSettings,
+    emitter_samples: u32,
+) -> [f32; 2] {
+    let set = traced.rays_per_pixel.max(1) + emitter_samples;
     let most = (settings.most / set).saturating_sub(1);
     [settings.rays_per_pixel / set as f32, most as f32]
 }
@@ -51,9 +55,9 @@ impl RayBudgetParams {
         settings: RayBudgetSettings,
         frame: &Frame<'_>,
         filter: &HitResolverSettings,
-        traced: &BouncedSettings,
+        (traced, emitter_samples): (&BouncedSettings, u32),
     ) -> Self {
-        let [sets, most_sets] = sets(settings, traced);
+        let [sets, most_sets] = sets(settings, traced, emitter_samples);
         Self {
             camera: frame.camera.params(frame.origin),
             plane_distance: filter.plane_distance,

@@ -5,12 +5,12 @@ use crate::error::{Error, check_setting};
 /// Settings of the [`RayBudget`](crate::RayBudget).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayBudgetSettings {
-    /// Further rays per pixel on average, 0…255, over the pixels that are not of the sky. They go where noise is greatest, so
-    /// that most pixels have none. Default 4.
+    /// Further rays per pixel on average, 0…255, over the pixels that are not of the sky, those towards emitters among them. They
+    /// go where noise is greatest, so that most pixels have none. Default 4.
     pub rays_per_pixel: f32,
     /// The most rays that a pixel has, those that it had before among them, 0…255. As sets are whole, as many as
-    /// [`BouncedSettings::rays_per_pixel`](crate::BouncedSettings::rays_per_pixel) each, it is rounded down to those. Default
-    /// 128.
+    /// [`BouncedSettings::rays_per_pixel`](crate::BouncedSettings::rays_per_pixel) each and those towards emitters, it is rounded
+    /// down to those. Default 128.
     pub most: u32,
 }
 

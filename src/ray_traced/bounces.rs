@@ -3,8 +3,9 @@
 use wgpu::{Buffer, CommandEncoder, Device};
 
 use crate::{
-    bounced_z_buffer::descriptor::HitLighting,
+    bounced_z_buffer::descriptor::{HitLighting, MAX_EMITTER_SAMPLES},
     bvh::{Bvh, Primitives},
+    emitters::Emitters,
     error::{Error, check_setting},
     gpu::compiler::Compiler,
     surfel::SurfelCloud,
@@ -66,6 +67,22 @@ impl BounceSettings {
                 ..SurfelGathererSettings::default()
             },
             ..Self::in_frame(2)
+        }
+    }
+
+    /// As many rays in all, one in five of which go to surfaces that shine of themselves, for a scene
+    /// [with emitters](crate::RayTracedScene::with_emitters).
+    #[must_use]
+    pub fn for_emitters(self) -> Self {
+        let [rays_per_surfel, emitter_samples] =
+            aimed(self.gatherer.rays_per_surfel, self.gatherer.emitter_samples);
+        Self {
+            gatherer: SurfelGathererSettings {
+                rays_per_surfel,
+                emitter_samples,
+                ..self.gatherer
+            },
+            ..self
         }
     }
 
@@ -142,7 +159,13 @@ impl SurfelLights {
 }
 
 /// A cloud, its hierarchy and its light.
-pub(super) type Lit<'a> = (&'a SurfelCloud, &'a Bvh, &'a SurfelLights);
+#[derive(Clone, Copy)]
+pub(super) struct Lit<'a> {
+    pub cloud: &'a SurfelCloud,
+    pub bvh: &'a Bvh,
+    pub emitters: Option<&'a Emitters>,
+    pub lights: &'a SurfelLights,
+}
 
 impl BouncePasses {
     pub fn new(
@@ -156,6 +179,18 @@ impl BouncePasses {
             shader: SurfelShader::with_primitives(compiler, primitives)?,
             gatherer: SurfelGatherer::with_primitives(compiler, primitives)?,
         })
+    }
+
+    /// Has surfels aim at what shines, if the settings say so.
+    pub fn aim(&mut self, compiler: Compiler<'_>, primitives: Primitives) -> Result<(), Error> {
+        if self.aims() {
+            self.gatherer = SurfelGatherer::with_emitters(compiler, primitives)?;
+        }
+        Ok(())
+    }
+
+    pub fn aims(&self) -> bool {
+        self.settings.gatherer.emitter_samples > 0
     }
 
     /// How many recordings a frame has.
@@ -181,7 +216,7 @@ impl BouncePasses {
         &self,
         device: &Device,
         encoder: &mut CommandEncoder,
-        (cloud, bvh, lights): (&SurfelCloud, &Bvh, &mut SurfelLights),
+        (cloud, bvh, emitters, lights): (&SurfelCloud, &Bvh, Option<&Emitters>, &mut SurfelLights),
         before: Option<Lit<'_>>,
         lighting: &HitLighting<'_>,
     ) -> Result<(), Error> {
@@ -203,25 +238,28 @@ impl BouncePasses {
 
         let recordings = self.recordings() as usize;
         for bounce in 0..recordings {
-            let from = match (bounce, before) {
-                (0, Some((cloud, bvh, lights))) => SurfelSenders {
-                    cloud,
-                    bvh,
-                    radiance: &lights.sent,
-                },
-                _ => SurfelSenders {
-                    cloud,
-                    bvh,
-                    radiance: match bounce {
-                        0 => sent,
-                        _ => &gathered[(bounce - 1) % 2],
-                    },
+            let mut senders = SurfelSenders {
+                cloud,
+                bvh,
+                radiance: match bounce {
+                    0 => sent,
+                    _ => &gathered[(bounce - 1) % 2],
                 },
             };
+            let mut emitters = emitters;
+            if let (0, Some(before)) = (bounce, before) {
+                senders = SurfelSenders {
+                    cloud: before.cloud,
+                    bvh: before.bvh,
+                    radiance: &before.lights.sent,
+                };
+                emitters = before.emitters;
+            }
             let to = &gathered[bounce % 2];
             let input = SurfelGathererInput {
                 cloud,
-                ..SurfelGathererInput::new(from, lighting.materials, to)
+                emitters: emitters.filter(|_| self.aims()),
+                ..SurfelGathererInput::new(senders, lighting.materials, to)
             };
             let settings = &self.settings.gatherer;
             self.gatherer.record(device, encoder, &input, settings)?;
@@ -236,6 +274,14 @@ impl BouncePasses {
         lights.last = Some((recordings - 1) % 2);
         Ok(())
     }
+}
+
+/// Of so many rays, those towards emitters among them, how many are to go by chance and how many to emitters.
+pub(super) fn aimed(rays: u32, emitter_samples: u32) -> [u32; 2] {
+    let all = rays.saturating_add(emitter_samples);
+    let aimed = (all.saturating_add(2) / 5).clamp(1, MAX_EMITTER_SAMPLES);
+    let aimed = aimed.min(all / 2);
+    [all - aimed, aimed]
 }
 
 #[cfg(test)]

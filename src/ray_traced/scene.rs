@@ -3,7 +3,7 @@
 use wgpu::{Buffer, CommandEncoder, Device};
 
 use super::{
-    bounces::{BouncePasses, BounceSettings, Bounces, SurfelLights},
+    bounces::{BouncePasses, BounceSettings, Bounces, Lit, SurfelLights},
     counts::Readback,
 };
 use crate::{
@@ -11,6 +11,7 @@ use crate::{
     bounced_z_buffer::descriptor::{BouncedScene, HitLighting},
     bvh::{AlphaTestedInput, Bvh, BvhBuilder, Primitives},
     camera::Camera,
+    emitters::{Emitters, EmittersBuilder, EmittersInput},
     error::{Error, check_setting},
     geometry::Geometry,
     gpu::Timestamps,
@@ -51,6 +52,8 @@ struct OneLevel {
     builder: BvhBuilder,
     /// Where light bounces more than once.
     bounces: Option<BouncePasses>,
+    /// Where rays are aimed at what shines.
+    emitters: Option<EmittersBuilder>,
     room: Option<Room>,
     /// Over frames, that of the frame before.
     before: Option<Room>,
@@ -63,6 +66,7 @@ struct Room {
     cloud: SurfelCloud,
     bvh: Bvh,
     lights: Option<SurfelLights>,
+    emitters: Option<Emitters>,
 }
 
 /// What one recording of a [`RayTracedScene`] works on.
@@ -177,6 +181,7 @@ impl RayTracedScene {
                 bounces: bounces
                     .map(|bounces| BouncePasses::new(compiler, primitives, bounces))
                     .transpose()?,
+                emitters: None,
                 room: None,
                 before: None,
                 readback: Readback::default(),
@@ -189,6 +194,34 @@ impl RayTracedScene {
             materials: None,
             lights: Vec::new(),
         })
+    }
+
+    /// The same, whose surfaces that shine of themselves are found, for views that aim rays at them
+    /// ([`RaySettings::emitter_samples`](crate::RaySettings::emitter_samples)), and for its own surfels that do
+    /// ([`SurfelGathererSettings::emitter_samples`](crate::SurfelGathererSettings::emitter_samples)): worth it where materials
+    /// emit, and small lamps above all. Needs [`RayTracedSceneInput::lighting`].
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for primitives of instances.
+    pub fn with_emitters<'a>(mut self, compiler: impl Into<Compiler<'a>>) -> Result<Self, Error> {
+        match &mut self.levels {
+            Levels::One(level) => {
+                let compiler = compiler.into();
+                level.emitters = Some(EmittersBuilder::new(compiler)?);
+                if let Some(bounces) = &mut level.bounces {
+                    bounces.aim(compiler, self.primitives)?;
+                }
+                // Its room has none of them.
+                level.room = None;
+                level.before = None;
+                Ok(self)
+            }
+            Levels::Two(..) => Err(Error::Setting {
+                field: "RayTracedScene::with_emitters",
+                value: 1.0,
+                accepted: "primitives that are a cloud's triangles",
+            }),
+        }
     }
 
     /// Records the scene of a frame.
@@ -259,7 +292,8 @@ impl RayTracedScene {
     pub fn memory_bytes(&self) -> u64 {
         let bytes = |room: &Room| {
             let lights = room.lights.as_ref().map_or(0, SurfelLights::memory_bytes);
-            room.cloud.memory_bytes() + room.bvh.memory_bytes() + lights
+            let emitters = room.emitters.as_ref().map_or(0, Emitters::memory_bytes);
+            room.cloud.memory_bytes() + room.bvh.memory_bytes() + lights + emitters
         };
         match &self.levels {
             Levels::One(level) => [&level.room, &level.before]
@@ -286,6 +320,14 @@ impl RayTracedScene {
     pub(super) fn gathered(&self) -> Option<&Buffer> {
         match &self.levels {
             Levels::One(level) => level.room.as_ref()?.lights.as_ref()?.gathered(),
+            Levels::Two(..) => None,
+        }
+    }
+
+    /// What shines of itself.
+    pub(super) fn emitters(&self) -> Option<&Emitters> {
+        match &self.levels {
+            Levels::One(level) => level.room.as_ref()?.emitters.as_ref(),
             Levels::Two(..) => None,
         }
     }
@@ -363,7 +405,13 @@ impl OneLevel {
         input: &RayTracedSceneInput<'_>,
     ) -> Result<(), Error> {
         self.make_room(device, input)?;
-        let Some(Room { cloud, bvh, lights }) = &mut self.room else {
+        let Some(Room {
+            cloud,
+            bvh,
+            lights,
+            emitters,
+        }) = &mut self.room
+        else {
             return Ok(());
         };
         let settings = self.bounces.as_ref().map_or(
@@ -402,14 +450,26 @@ impl OneLevel {
             None => self.builder.record(device, encoder, cloud, bvh, None)?,
         }
         self.readback.record(device, encoder, cloud.counters());
+        if let (Some(builder), Some(emitters), Some(lighting)) =
+            (&self.emitters, emitters.as_ref(), &input.lighting)
+        {
+            let input = EmittersInput::new(cloud, lighting.materials);
+            builder.record(device, encoder, &input, emitters)?;
+        }
         if let (Some(passes), Some(lights), Some(lighting)) =
             (&self.bounces, lights, &input.lighting)
         {
             let lit = |room: &'_ Room| room.lights.as_ref().is_some_and(|l| l.gathered().is_some());
             let before = self.before.as_ref().filter(|room| lit(room));
-            let before =
-                before.and_then(|room| Some((&room.cloud, &room.bvh, room.lights.as_ref()?)));
-            let room = (&*cloud, &*bvh, lights);
+            let before = before.and_then(|room| {
+                Some(Lit {
+                    cloud: &room.cloud,
+                    bvh: &room.bvh,
+                    emitters: room.emitters.as_ref(),
+                    lights: room.lights.as_ref()?,
+                })
+            });
+            let room = (&*cloud, &*bvh, emitters.as_ref(), lights);
             passes.record(device, encoder, room, before, lighting)?;
         }
         Ok(())
@@ -441,7 +501,16 @@ impl OneLevel {
         let lights = lights
             .map(|passes| passes.create(device, &cloud))
             .transpose()?;
-        self.room = Some(Room { cloud, bvh, lights });
+        let emitters = self.emitters.as_ref();
+        let emitters = emitters
+            .map(|builder| builder.create(device, &cloud))
+            .transpose()?;
+        self.room = Some(Room {
+            cloud,
+            bvh,
+            lights,
+            emitters,
+        });
         // Of other room these tell nothing.
         self.counts = None;
         Ok(())

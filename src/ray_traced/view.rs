@@ -397,6 +397,7 @@ impl RayTracedView {
             sampling: effect.sampling(),
             primitives,
             counted: rays.further.is_some(),
+            emitter_samples: rays.emitter_samples,
             environment: effect.payload() == Payload::Sky
                 || (environment && effect.payload().is_radiance()),
             ..BouncedDescriptor::default()
@@ -452,8 +453,8 @@ impl RayTracedView {
     /// Changes rays and filter, from the next recording on.
     ///
     /// # Errors
-    /// [`Error::Setting`] for settings out of range, [`Error::Mismatch`] for further rays where the view was made without; those
-    /// of before stay.
+    /// [`Error::Setting`] for settings out of range, [`Error::Mismatch`] for further rays where the view was made without, and
+    /// for another number of rays towards emitters; those of before stay.
     pub fn set_rays(&mut self, rays: RaySettings) -> Result<(), Error> {
         check_rays(&self.effect, &rays)?;
         if rays.further.is_some() && self.passes.budget.is_none() {
@@ -461,6 +462,14 @@ impl RayTracedView {
                 name: "RaySettings::further",
                 found: "further rays".into(),
                 needed: "none, as the view was made for".into(),
+            });
+        }
+        let made_for = self.passes.tracer.descriptor().emitter_samples;
+        if rays.emitter_samples != made_for {
+            return Err(Error::Mismatch {
+                name: "RaySettings::emitter_samples",
+                found: rays.emitter_samples.to_string(),
+                needed: format!("{made_for}, as the view was made for"),
             });
         }
         self.rays = rays;
@@ -527,6 +536,7 @@ impl RayTracedView {
                 _ => HitRadiance::None,
             },
             environment: input.environment,
+            emitters: scene.emitters(),
             ..BouncedInput::of(&frame, traced)
         };
         let settings = settings_of(&self.effect, &self.rays, number);
@@ -622,6 +632,13 @@ impl RayTracedView {
                 name: "RayTracedScene",
                 found: "one bounce of light".into(),
                 needed: "more, by RayTracedScene::with_bounces, for further_bounces".into(),
+            });
+        }
+        if self.rays.emitter_samples > 0 && scene.emitters().is_none() {
+            return Err(Error::Mismatch {
+                name: "RayTracedScene",
+                found: "no emitters".into(),
+                needed: "RayTracedScene::with_emitters, for RaySettings::emitter_samples".into(),
             });
         }
         screen::check_target(TARGET, &input.target, viewport, self.target)?;

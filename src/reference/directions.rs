@@ -41,7 +41,7 @@ pub const TURN_STEP: [u32; 2] = [3_242_174_889, 2_447_445_414];
 pub const GOLDEN_STEP: u32 = 2_654_435_769;
 
 /// Where in its cell, in those units, the point lies of a key's further set of rays.
-fn point_within(pixel: [u32; 2], [index, turn]: [u32; 2], frame: u32) -> [u32; 2] {
+pub(super) fn point_within(pixel: [u32; 2], [index, turn]: [u32; 2], frame: u32) -> [u32; 2] {
     let key = hash(index + 1);
     let over_frames = [scramble(frame, key), scramble(sobol2(frame), hash(key))];
     [0, 1].map(|axis: usize| {

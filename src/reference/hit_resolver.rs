@@ -82,6 +82,11 @@ impl HitResolution<'_> {
 
     /// Each pixel's own mean over its directions.
     pub fn average(&self) -> Vec<Mean> {
+        self.average_with(&[], 0)
+    }
+
+    /// The same with what came along so many rays towards emitters, those of a pixel together.
+    pub fn average_with(&self, shone: &[DVec3], samples: usize) -> Vec<Mean> {
         let drawn = self.drawn();
         let rays_per_pixel = drawn.len() / self.receivers.len().max(1);
         (0..self.receivers.len())
@@ -112,8 +117,20 @@ impl HitResolution<'_> {
                 }
                 let per_weight = 1.0 / f64::max(weights, 1e-6);
                 let mut mean = sum * per_weight;
-                let spread = (squares * per_weight - luminance(mean) * luminance(mean)).max(0.0);
+                let mut spread =
+                    (squares * per_weight - luminance(mean) * luminance(mean)).max(0.0);
                 let mut rays = rays_per_pixel as f64;
+                let mut shone_mean = DVec3::ZERO;
+                if samples > 0 {
+                    let shone = &shone[pixel * samples..(pixel + 1) * samples];
+                    let n = samples as f64;
+                    let squares: f64 = shone.iter().map(|value| luminance(*value).powi(2)).sum();
+                    shone_mean = shone.iter().sum::<DVec3>() / n;
+                    mean += shone_mean;
+                    sum += shone_mean * rays;
+                    let of_shone = (squares / n - luminance(shone_mean).powi(2)).max(0.0);
+                    spread += of_shone * rays / n;
+                }
                 let mut apart = 0.0;
                 if let Some(own) = counts
                     && own.rays as usize > rays_per_pixel
@@ -130,9 +147,13 @@ impl HitResolution<'_> {
                     _ => luminance(mean),
                 };
                 let chance = 0.5 * whole / rays;
+                let per_sample = rays_per_pixel as f64 / (samples.max(1) as f64 * rays);
+                let aimed = 0.5 * luminance(shone_mean) * per_sample;
                 Mean {
                     mean,
-                    variance: 0.5 * f64::max(spread / rays, apart) + chance * chance,
+                    variance: 0.5 * f64::max(spread / rays, apart)
+                        + chance * chance
+                        + aimed * aimed,
                 }
             })
             .collect()

@@ -7,6 +7,7 @@ pub mod bounced_z_buffer;
 pub mod depth_moments;
 pub mod directions;
 pub mod effects;
+pub mod emitters;
 pub mod environment;
 pub mod gbuffer;
 pub mod ggx;

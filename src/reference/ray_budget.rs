@@ -151,7 +151,7 @@ impl Budget<'_> {
         for need in needs.iter().filter(|need| **need > 0.0) {
             bins[bin_of(*need)] += 1.0;
         }
-        let [sets, most] = sets(*self.settings, self.hits.traced).map(f64::from);
+        let [sets, most] = sets(*self.settings, self.hits.traced, 0).map(f64::from);
         let seen = self.hits.receivers.iter().flatten().count() as f64;
         let fits = |exponent: f64| {
             let of = |(bin, count)| count * (need_of(bin) * exponent.exp2()).min(most);
@@ -167,7 +167,7 @@ impl Budget<'_> {
 
     /// How many further sets each pixel has.
     pub fn sets(&self, needs: &[f32], scale: f64) -> Vec<u32> {
-        let [_, most] = sets(*self.settings, self.hits.traced).map(f64::from);
+        let [_, most] = sets(*self.settings, self.hits.traced, 0).map(f64::from);
         let chance = |place| unit_float(hash2(place, self.hits.traced.frame));
         (0..)
             .zip(needs)

@@ -1,12 +1,15 @@
 //! Mirror of `wgsl/surfel_gatherer.wgsl`, and of `wgsl/common/bvh_traverse.wgsl` as in
 //! [`bounced_z_buffer`](super::bounced_z_buffer): each ray against every piece.
 
+use std::f64::consts::PI;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{
     bounced_z_buffer::{FAR, Hit, Ray, nearest, ray_epsilon},
     directions::{cell_point, hemisphere_direction},
+    emitters::{self, Emitters, chance_share, own_along},
     hashing::hash2,
     packing::unpack_normal,
     surfel_shader::{BRIGHTEST, Radiance, sanitize},
@@ -45,6 +48,8 @@ pub struct Gathering<'a> {
     pub senders: Senders<'a>,
     /// From the surfels' space to that of what rays meet.
     pub shift: DVec3,
+    /// What rays are aimed at besides, if they are.
+    pub emitters: Option<&'a Emitters>,
     /// The settings.
     pub settings: &'a SurfelGathererSettings,
 }
@@ -107,22 +112,69 @@ impl Gathering<'_> {
         let turn = hash2(i, which);
         let mut sum = DVec3::ZERO;
         for k in 0..rays {
-            let part = turn.wrapping_add(PART_STEP * k) % PARTS;
-            let own = centroid(leaf_of(leaf, part, SPLITS));
-            let place = own + self.shift;
             let cell = cell_point([i, which], k, grid, self.settings.frame);
             let ray = Ray {
-                origin: place + side * ray_epsilon(own).max(ray_epsilon(place)),
+                origin: self.start_of(leaf, turn, k, side),
                 direction: hemisphere_direction(cell, side, Sampling::Cosine).direction,
             };
             let hit = nearest(&ray, self.senders.pieces, FAR);
-            sum += self.incoming(&ray, hit, surfel_offsets, total);
+            sum += self.incoming(&ray, hit, side, (surfel_offsets, total));
         }
-        sum / f64::from(rays)
+        let aimed = |emitters| self.shone(emitters, [i, which], leaf, side);
+        sum / f64::from(rays) + self.emitters.map_or(DVec3::ZERO, aimed)
     }
 
-    /// What comes along a ray.
-    fn incoming(&self, ray: &Ray, hit: Option<Hit>, surfel_offsets: &[u32], total: u32) -> DVec3 {
+    /// Where ray k of a side starts.
+    fn start_of(&self, leaf: Triangle, turn: u32, k: u32, side: DVec3) -> DVec3 {
+        let part = turn.wrapping_add(PART_STEP.wrapping_mul(k)) % PARTS;
+        let own = centroid(leaf_of(leaf, part, SPLITS));
+        let place = own + self.shift;
+        place + side * ray_epsilon(own).max(ray_epsilon(place))
+    }
+
+    /// What rays towards emitters bring of the mean.
+    fn shone(
+        &self,
+        emitters: &Emitters,
+        [i, which]: [u32; 2],
+        leaf: Triangle,
+        side: DVec3,
+    ) -> DVec3 {
+        let pieces = self.senders.pieces;
+        let turn = hash2(i, which);
+        let samples = self.settings.emitter_samples;
+        let how = (samples, self.settings.frame);
+        let mut sum = DVec3::ZERO;
+        for k in 0..samples {
+            let start = k + self.settings.frame * samples;
+            let origin = self.start_of(leaf, turn, start, side);
+            let Some(drawn) = emitters.sample(pieces, [i, which], [k, 0], how) else {
+                continue;
+            };
+            let (direction, distance) = (drawn.point - origin).normalize_and_length();
+            let value = side.dot(direction).max(0.0) / PI;
+            let ray = Ray { origin, direction };
+            if value > 0.0
+                && let Some(met) = emitters::aim(&ray, pieces, &drawn, distance, FAR)
+            {
+                let density = emitters::pdf(drawn.share, &pieces[drawn.piece], direction, distance);
+                let by_chance = f64::from(self.settings.rays_per_surfel) * value;
+                let all = by_chance + f64::from(samples) * density;
+                let own = own_along(&pieces[met], self.materials, direction);
+                sum += own * (value / all.max(1e-30));
+            }
+        }
+        sum
+    }
+
+    /// What comes along a ray that was drawn by the cosine to `side`.
+    fn incoming(
+        &self,
+        ray: &Ray,
+        hit: Option<Hit>,
+        side: DVec3,
+        (surfel_offsets, total): (&[u32], u32),
+    ) -> DVec3 {
         let Some(hit) = hit else {
             return DVec3::from(self.settings.sky_radiance.map(f64::from));
         };
@@ -140,7 +192,16 @@ impl Gathering<'_> {
         );
         let facing = (t.b - t.a).cross(t.c - t.a).dot(ray.direction) < 0.0;
         let sent = self.senders.radiance[surfel as usize];
-        sanitize(if facing { sent.front } else { sent.back })
+        let all = sanitize(if facing { sent.front } else { sent.back });
+        let Some(emitters) = self.emitters else {
+            return all;
+        };
+        let own = own_along(&piece, self.materials, ray.direction);
+        let density = emitters::pdf(emitters.share(hit.piece), &piece, ray.direction, hit.t);
+        let cosine = side.dot(ray.direction).max(0.0);
+        let by_chance = f64::from(self.settings.rays_per_surfel) * cosine / PI;
+        let aimed = f64::from(self.settings.emitter_samples) * density;
+        (all - own * (1.0 - chance_share(by_chance, aimed))).max(DVec3::ZERO)
     }
 }
 

@@ -91,12 +91,12 @@ pub(super) fn centroid(t: Triangle) -> DVec3 {
 }
 
 /// Twice the area along the normal, divided by `scale` squared.
-struct AreaVector {
-    direction: DVec3,
-    scale: f64,
+pub(super) struct AreaVector {
+    pub direction: DVec3,
+    pub scale: f64,
 }
 
-fn area_vector(t: Triangle) -> AreaVector {
+pub(super) fn area_vector(t: Triangle) -> AreaVector {
     let e1 = t.b - t.a;
     let e2 = t.c - t.a;
     let scale = e1.abs().max_element().max(e2.abs().max_element());

@@ -9,9 +9,11 @@ use self::{params::SurfelGathererParams, settings::SurfelGathererSettings};
 use crate::{
     bvh::{Bvh, Primitives},
     effect::Listing,
+    emitters::Emitters,
     error::{Error, check_limit, check_setting},
     geometry::Material,
     gpu::compiler::Compiler,
+    gpu::listing::name_of,
     gpu::{
         Timestamps,
         binding::{self, Layout, Named, whole},
@@ -44,6 +46,8 @@ pub struct SurfelGatherer {
     gather: Stage,
     /// Which those rays meet.
     primitives: Primitives,
+    /// Whether they are aimed at emitters too.
+    aims: bool,
     /// Where the device traces rays itself.
     #[cfg(feature = "ray-query")]
     by_device: Option<Stage>,
@@ -85,6 +89,9 @@ pub struct SurfelGathererInput<'a> {
     /// [`SurfelCounts::stored`](crate::SurfelCounts::stored) are written. Another buffer than [`SurfelSenders::radiance`], from
     /// [`SurfelGatherer::create_radiance`], or the caller's own with usage `STORAGE`.
     pub radiance: &'a Buffer,
+    /// What of the senders' cloud shines of itself, recorded since it was, for a gatherer
+    /// [with emitters](SurfelGatherer::with_emitters).
+    pub emitters: Option<&'a Emitters>,
     /// Where to write begin and end times, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -97,6 +104,7 @@ impl<'a> SurfelGathererInput<'a> {
             senders,
             materials,
             radiance,
+            emitters: None,
             timestamps: None,
         }
     }
@@ -119,7 +127,26 @@ impl SurfelGatherer {
         compiler: impl Into<Compiler<'a>>,
         primitives: Primitives,
     ) -> Result<Self, Error> {
-        let Compiler { device, cache } = compiler.into();
+        Self::create(compiler.into(), primitives, false)
+    }
+
+    /// The same for rays that are aimed at what shines of itself besides ([`SurfelGathererSettings::emitter_samples`]), which
+    /// small lamps need. What surfels send has their own emission in it, as the [`SurfelShader`](crate::SurfelShader) fills it.
+    ///
+    /// # Errors
+    /// As [`SurfelGatherer::new`].
+    pub fn with_emitters<'a>(
+        compiler: impl Into<Compiler<'a>>,
+        primitives: Primitives,
+    ) -> Result<Self, Error> {
+        Self::create(compiler.into(), primitives, true)
+    }
+
+    fn create(
+        Compiler { device, cache }: Compiler<'_>,
+        primitives: Primitives,
+        aims: bool,
+    ) -> Result<Self, Error> {
         let primitives = primitives.of_own_traversal();
         check_limit(
             "max_storage_buffers_per_shader_stage",
@@ -127,17 +154,21 @@ impl SurfelGatherer {
             8,
             LABEL,
         )?;
-        let stage = |primitives, entry| Stage::new(device, primitives, entry, cache);
+        let stage = |primitives, aims, entry| {
+            let source = source(primitives, aims)?;
+            Ok::<_, Error>(Stage::new(device, source, entry, cache))
+        };
         Ok(Self {
-            gather: stage(primitives, "gather")?,
+            gather: stage(primitives, aims, "gather")?,
             primitives,
+            aims,
             #[cfg(feature = "ray-query")]
             by_device: Primitives::RayQuery
                 .validate(device)
                 .is_ok()
-                .then(|| stage(Primitives::RayQuery, "gather"))
+                .then(|| stage(Primitives::RayQuery, aims, "gather"))
                 .transpose()?,
-            add: stage(Primitives::Triangles, "add")?,
+            add: stage(Primitives::Triangles, false, "add")?,
             uniforms: Uniforms::new(LABEL),
         })
     }
@@ -179,6 +210,7 @@ impl SurfelGatherer {
         let (stage, traced) = self.traced(&senders)?;
         check_placement(senders.cloud)?;
         check_buffers(device, input)?;
+        let emitters = self.check_emitters(input, settings)?;
 
         let origins = [cloud.origin, senders.cloud.origin];
         let params = SurfelGathererParams::new(settings, origins, senders.cloud.capacity);
@@ -201,6 +233,7 @@ impl SurfelGatherer {
             ),
         ];
         resources.extend(traced);
+        resources.extend(emitters.map(|emitters| ("emitters", emitters.bound())));
         stage.record(device, encoder, cloud, &resources, input.timestamps);
         Ok(())
     }
@@ -234,6 +267,32 @@ impl SurfelGatherer {
         Ok(())
     }
 
+    /// What rays are aimed at, if they are.
+    fn check_emitters<'b>(
+        &self,
+        input: &SurfelGathererInput<'b>,
+        settings: &SurfelGathererSettings,
+    ) -> Result<Option<&'b Emitters>, Error> {
+        if !self.aims {
+            check_setting(
+                settings.emitter_samples == 0,
+                "SurfelGathererSettings::emitter_samples",
+                settings.emitter_samples,
+                "0, unless by SurfelGatherer::with_emitters",
+            )?;
+            return Ok(None);
+        }
+        let Some(emitters) = input.emitters else {
+            return Err(Error::Mismatch {
+                name: "SurfelGathererInput::emitters",
+                found: "none".into(),
+                needed: "those of the senders, for SurfelGatherer::with_emitters".into(),
+            });
+        };
+        emitters.check_source(input.senders.cloud)?;
+        Ok(Some(emitters))
+    }
+
     /// The stage that traces such a hierarchy, and what it binds of it.
     fn traced<'b>(&self, senders: &SurfelSenders<'b>) -> Result<(&Stage, Vec<Named<'b>>), Error> {
         let SurfelSenders { cloud, bvh, .. } = senders;
@@ -254,13 +313,13 @@ impl SurfelGatherer {
 impl Stage {
     fn new(
         device: &Device,
-        primitives: Primitives,
+        source: String,
         entry: &'static str,
         cache: Option<&PipelineCache>,
-    ) -> Result<Self, Error> {
-        let module = shader::create(device, LABEL, source(primitives)?);
+    ) -> Self {
+        let module = shader::create(device, LABEL, source);
         let (layout, pipeline) = module.kernel(device, entry, &[], cache);
-        Ok(Self { layout, pipeline })
+        Self { layout, pipeline }
     }
 
     /// One thread per surfel of a cloud.
@@ -317,23 +376,32 @@ fn check_buffers(device: &Device, input: &SurfelGathererInput<'_>) -> Result<(),
 }
 
 /// Assembles the module.
-fn source(primitives: Primitives) -> Result<String, Error> {
-    let flags: Vec<_> = primitives.flags().collect();
+fn source(primitives: Primitives, aims: bool) -> Result<String, Error> {
+    let mut flags: Vec<_> = primitives.flags().collect();
+    flags.extend(aims.then_some("EMITTERS"));
     shader::assemble("surfel_gatherer", SOURCE, &flags, &[])
 }
 
 /// Every module of the pass.
 pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
-    all.add("surfel_gatherer", source(Primitives::Triangles)?);
-    all.add(
-        "surfel_gatherer alpha tested",
-        source(Primitives::AlphaTested)?,
-    );
-    #[cfg(feature = "ray-query")]
-    all.add_for(
-        Primitives::RayQuery.features(),
-        "surfel_gatherer ray query",
-        source(Primitives::RayQuery)?,
-    );
+    let traced = [
+        Primitives::Triangles,
+        Primitives::AlphaTested,
+        #[cfg(feature = "ray-query")]
+        Primitives::RayQuery,
+    ];
+    for primitives in traced {
+        for aims in [false, true] {
+            let name = name_of(
+                "surfel_gatherer",
+                &[
+                    (primitives.are_alpha_tested(), "alpha tested"),
+                    (primitives.by_device(), "ray query"),
+                    (aims, "emitters"),
+                ],
+            );
+            all.add_for(primitives.features(), &name, source(primitives, aims)?);
+        }
+    }
     Ok(())
 }

@@ -18,12 +18,14 @@ pub(crate) struct SurfelGathererParams {
     pub(crate) shift: [f32; 3],
     pub(crate) surfel_capacity: u32,
     pub(crate) piece_capacity: u32,
-    pub(crate) padding: [u32; 3],
+    pub(crate) emitter_samples: u32,
+    pub(crate) padding: [u32; 2],
 }
 
 crate::reflection::same_as_wgsl!(
     params_are_the_shaders: SurfelGathererParams as "Params" in ["surfel_gatherer"]
-    { columns, rows, frame, backs, sky_radiance, most_albedo, shift, surfel_capacity, piece_capacity }
+    { columns, rows, frame, backs, sky_radiance, most_albedo, shift, surfel_capacity, piece_capacity,
+      emitter_samples }
 );
 
 impl SurfelGathererParams {
@@ -46,7 +48,8 @@ impl SurfelGathererParams {
             shift: (own - met).clamp(-most, most).as_vec3().to_array(),
             surfel_capacity: capacity.surfels,
             piece_capacity: capacity.pieces,
-            padding: [0; 3],
+            emitter_samples: settings.emitter_samples,
+            padding: [0; 2],
         }
     }
 }

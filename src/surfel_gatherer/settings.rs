@@ -1,6 +1,9 @@
 //! Public settings and their validation.
 
-use crate::error::{Error, check_setting};
+use crate::{
+    bounced_z_buffer::descriptor::MAX_EMITTER_SAMPLES,
+    error::{Error, check_setting},
+};
 
 /// Settings of the [`SurfelGatherer`](crate::SurfelGatherer).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -9,6 +12,10 @@ pub struct SurfelGathererSettings {
     /// many surfels, few are enough. Numbers with two nearly equal factors are stratified best: 4, 6, 9, 12, 16, 20, 25, 36, 49,
     /// 64. Default 16.
     pub rays_per_surfel: u32,
+    /// How many rays of each side go to surfaces that shine of themselves, beside those, 0…16, for a gatherer
+    /// [with emitters](crate::SurfelGatherer::with_emitters). What shines is then weighed by multiple importance sampling, so
+    /// that the sum has no bias. Default 0.
+    pub emitter_samples: u32,
     /// Whether backs gather too. Where surfaces are closed nothing sees their backs, and half of the rays can be saved: they
     /// are black then. Default true.
     pub backs: bool,
@@ -29,6 +36,7 @@ impl Default for SurfelGathererSettings {
     fn default() -> Self {
         Self {
             rays_per_surfel: 16,
+            emitter_samples: 0,
             backs: true,
             most_albedo: 1.0,
             sky_radiance: [0.0; 3],
@@ -48,6 +56,12 @@ impl SurfelGathererSettings {
             "SurfelGathererSettings::rays_per_surfel",
             self.rays_per_surfel,
             "1 to 64",
+        )?;
+        check_setting(
+            self.emitter_samples <= MAX_EMITTER_SAMPLES,
+            "SurfelGathererSettings::emitter_samples",
+            self.emitter_samples,
+            "0 to 16",
         )?;
         check_setting(
             (0.0..=1.0).contains(&self.most_albedo),

@@ -23,6 +23,7 @@ const DESCRIPTOR: HitResolverDescriptor = HitResolverDescriptor {
     counted: false,
     joined: false,
     bent_normals: true,
+    emitter_samples: 0,
     target: wgpu::TextureFormat::Rgba32Float,
 };
 

@@ -380,6 +380,7 @@ impl Case {
             counted: false,
             joined: false,
             bent_normals: false,
+            emitter_samples: 0,
             target: wgpu::TextureFormat::Rgba32Float,
         });
         let device = &lab().gpu.device;
@@ -759,6 +760,7 @@ fn what_does_not_fit_is_a_typed_error() {
         counted: false,
         joined: false,
         bent_normals: false,
+        emitter_samples: 0,
         target: wgpu::TextureFormat::Rgba32Float,
     });
     let scratch = deferred.create_view(device, &view).expect("a view");

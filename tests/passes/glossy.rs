@@ -250,6 +250,7 @@ impl Stage {
             counted: false,
             joined: false,
             bent_normals: false,
+            emitter_samples: 0,
             target: TextureFormat::Rgba32Float,
         });
         let view = bounced.create_view(device, SIDE, SIDE, job.rays_per_pixel)?;
@@ -691,6 +692,7 @@ fn further_rays_are_what_the_lobe_makes_of_them() {
         counted: true,
         joined: false,
         bent_normals: false,
+        emitter_samples: 0,
         target: TextureFormat::Rgba32Float,
     });
     let budget = pipelines::once(&(), |gpu| RayBudget::new(&gpu.device).expect("pipelines"));

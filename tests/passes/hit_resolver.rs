@@ -820,6 +820,7 @@ fn what_does_not_fit_is_a_typed_error() {
             counted: false,
             joined: false,
             bent_normals: false,
+            emitter_samples: 0,
             target,
         };
         let made = HitResolver::new(device, &descriptor);

@@ -41,6 +41,7 @@ fn resolver(payload: Payload) -> &'static HitResolver {
         counted: false,
         joined: true,
         bent_normals: false,
+        emitter_samples: 0,
         target: FORMAT,
     })
 }
@@ -366,6 +367,7 @@ fn what_does_not_fit_is_refused() {
             counted: false,
             joined: true,
             bent_normals: false,
+            emitter_samples: 0,
             target: FORMAT,
         },
     );

@@ -8,6 +8,7 @@ mod camera;
 mod diffuse_bounce;
 mod directional_occlusion;
 mod effect_bent_normals;
+mod emitters;
 mod environment;
 mod ggx;
 mod glossy;

@@ -44,6 +44,7 @@ fn resolver(payload: Payload) -> &'static HitResolver {
         counted: true,
         joined: false,
         bent_normals: false,
+        emitter_samples: 0,
         target: wgpu::TextureFormat::Rgba32Float,
     })
 }
@@ -681,6 +682,7 @@ fn what_does_not_fit_is_refused() {
         counted: true,
         joined: false,
         bent_normals: false,
+        emitter_samples: 0,
         target: wgpu::TextureFormat::Rgba32Float,
     });
     let target = lab

@@ -3,13 +3,14 @@
 use std::f64::consts::PI;
 
 use deep_screen_space::{
-    BouncedDescriptor, BouncedInput, BouncedSettings, Camera, CloudCapacity, HitLighting,
-    HitRadiance, Material, Mesh, Payload, Placement, Primitives, Sampling, SurfelGatherer,
-    SurfelGathererInput, SurfelGathererSettings, SurfelRadiance, SurfelSenders, SurfelSource,
-    SurfelizerSettings,
+    BouncedDescriptor, BouncedInput, BouncedSettings, Camera, CloudCapacity, Emitters,
+    EmittersBuilder, EmittersInput, HitLighting, HitRadiance, Material, Mesh, Payload, Placement,
+    Primitives, Sampling, SurfelGatherer, SurfelGathererInput, SurfelGathererSettings,
+    SurfelRadiance, SurfelSenders, SurfelSource, SurfelizerSettings,
     glam::DVec3,
     reference::{
         bounced_z_buffer::{Senders as PixelSenders, Tracing},
+        emitters as mirror_of_emitters,
         packing::unpack_color,
         surfel_gatherer as mirror,
         surfelizer::area_root,
@@ -39,6 +40,13 @@ const SMALL: CloudCapacity = CloudCapacity {
 fn gatherer() -> &'static SurfelGatherer {
     pipelines::once(&(), |gpu| {
         SurfelGatherer::new(&gpu.device).expect("pipelines")
+    })
+}
+
+/// The same for rays that are aimed at what shines.
+fn aiming() -> &'static SurfelGatherer {
+    pipelines::once(&"aiming", |gpu| {
+        SurfelGatherer::with_emitters(&gpu.device, Primitives::Triangles).expect("pipelines")
     })
 }
 
@@ -108,6 +116,22 @@ impl Case {
         self.sources.iter().map(area).collect()
     }
 
+    /// What of the cloud shines by a table of materials.
+    fn emitters(&self, materials: &wgpu::Buffer) -> Emitters {
+        let builder = pipelines::once(&(), |gpu| {
+            EmittersBuilder::new(&gpu.device).expect("pipelines")
+        });
+        let (gpu, cloud) = (lab().gpu, &self.senders.cloud);
+        let emitters = builder.create(&gpu.device, cloud).expect("room");
+        let mut encoder = gpu.encoder();
+        let input = EmittersInput::new(cloud, materials);
+        builder
+            .record(&gpu.device, &mut encoder, &input, &emitters)
+            .expect("emitters");
+        gpu.finish(encoder);
+        emitters
+    }
+
     /// What the surfels reflect of what those of another cloud send.
     fn gather_from(
         &self,
@@ -131,12 +155,15 @@ impl Case {
             bvh: &from.senders.bounds,
             radiance: sent,
         };
+        let emitters = (settings.emitter_samples > 0).then(|| from.emitters(&materials));
         let input = SurfelGathererInput {
             cloud: &self.senders.cloud,
+            emitters: emitters.as_ref(),
             ..SurfelGathererInput::new(senders, &materials, &radiance)
         };
         let mut encoder = lab.gpu.encoder();
-        gatherer()
+        let gatherer = emitters.as_ref().map_or_else(gatherer, |_| aiming());
+        gatherer
             .record(device, &mut encoder, &input, settings)
             .expect("light");
         lab.gpu.finish(encoder);
@@ -167,7 +194,15 @@ impl Case {
     fn compare(&self, name: &str, from: &Self, settings: &SurfelGathererSettings) {
         let (buffer, sent) = lab().motley(&from.senders);
         let found = self.read(&self.gather_from(from, &buffer, settings));
+        let materials = lab()
+            .gpu
+            .buffer(&self.materials, wgpu::BufferUsages::STORAGE);
+        let table = from.emitters(&materials);
+        let mut before: Vec<u32> = lab().gpu.read_texture(table.table().texture(), 0);
+        before.truncate(from.senders.pieces.len() + 1);
+        let emitters = mirror_of_emitters::Emitters { before };
         let expected = mirror::Gathering {
+            emitters: (settings.emitter_samples > 0).then_some(&emitters),
             sources: &self.sources,
             own_pieces: &self.senders.pieces,
             materials: &self.materials,
@@ -228,6 +263,14 @@ fn light_is_the_mirrors() {
         };
         case.compare(&format!("{} fronts", scene.name), &case, &settings);
     }
+    // Aimed at the lamp.
+    let scene = scenes::cornell();
+    let case = Case::new(&scene, &camera_of(&scene, 0, [32, 32]), SMALL);
+    let settings = SurfelGathererSettings {
+        emitter_samples: 3,
+        ..few()
+    };
+    case.compare("aimed", &case, &settings);
     // With less room than surfels.
     let scene = scenes::cornell();
     let camera = camera_of(&scene, 0, [32, 32]);
@@ -295,6 +338,46 @@ fn furnace(albedo: f32, emission: f32) -> Case {
     };
     let materials = vec![material; scene.material_table().len()];
     Case::of(&buffers.meshes(), materials, &camera, SMALL)
+}
+
+/// Rays towards emitters and those by chance bring together what many by chance bring, within three times what frames differ by,
+/// and differ less than as many by chance do.
+#[test]
+fn aimed_light_is_what_comes_by_chance() {
+    let scene = scenes::cornell();
+    // Single surfels' rays start from few places, and only of many all.
+    let case = Case::new(&scene, &camera_of(&scene, 0, [112, 112]), SMALL);
+    let sent = upload(&case.emitted());
+    let areas = case.areas();
+    // What all surfels reflect in a frame, its mean and how far that is known.
+    let power = |rays_per_surfel, emitter_samples, frames: u32| {
+        let powers: Vec<f64> = (0..frames)
+            .map(|frame| {
+                let settings = SurfelGathererSettings {
+                    rays_per_surfel,
+                    emitter_samples,
+                    backs: false,
+                    frame,
+                    ..SurfelGathererSettings::default()
+                };
+                let light = case.read(&case.gather(&sent, &settings));
+                let each = light.iter().zip(&areas);
+                each.map(|(sent, area)| f64::from(sent.front[0]) * area)
+                    .sum()
+            })
+            .collect();
+        let n = f64::from(frames);
+        let mean = powers.iter().sum::<f64>() / n;
+        let squares: f64 = powers.iter().map(|power| (power - mean).powi(2)).sum();
+        [mean, (squares / (n - 1.0) / n).sqrt()]
+    };
+    let (aimed, plain) = (power(13, 3, 16), power(16, 0, 16));
+    let many = power(64, 0, 24);
+    println!("aimed {aimed:?}, by chance {plain:?}, {many:?}");
+    let noise = aimed[1].hypot(many[1]);
+    assert!(noise < 0.02 * many[0], "{noise} of {}", many[0]);
+    assert!((aimed[0] - many[0]).abs() <= 3.0 * noise, "{noise}");
+    assert!(aimed[1] < 0.5 * plain[1], "{} of {}", aimed[1], plain[1]);
 }
 
 /// In a closed box of albedo ρ that emits the radiosity E everywhere, the radiosity after n bounces is
@@ -562,6 +645,13 @@ fn what_does_not_fit_is_a_typed_error() {
         ),
         (
             SurfelGathererSettings {
+                emitter_samples: 17,
+                ..usual
+            },
+            "emitter_samples",
+        ),
+        (
+            SurfelGathererSettings {
                 most_albedo: -0.1,
                 ..usual
             },
@@ -605,6 +695,23 @@ fn what_does_not_fit_is_a_typed_error() {
     ] {
         refused(record(&good, &settings), "Setting", field, "to");
     }
+    // Rays towards emitters by a gatherer without, and by one with but not with any.
+    let aimed = SurfelGathererSettings {
+        emitter_samples: 1,
+        ..usual
+    };
+    refused(
+        record(&good, &aimed),
+        "Setting",
+        "emitter_samples",
+        "with_emitters",
+    );
+    refused(
+        aiming().record(device, &mut lab.gpu.encoder(), &good, &aimed),
+        "Mismatch",
+        "SurfelGathererInput::emitters",
+        "those of the senders",
+    );
     let short = lab.gpu.buffer(&[0_u32; 8], wgpu::BufferUsages::STORAGE);
     let unbound = lab
         .gpu

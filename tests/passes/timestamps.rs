@@ -220,6 +220,7 @@ fn recordings_from_surfels_write_their_times() {
         counted: false,
         joined: true,
         bent_normals: false,
+        emitter_samples: 0,
         target: format,
     };
     let reconstructor = pipelines::hit_resolver(&descriptor);

@@ -72,6 +72,7 @@ impl Stage {
                 counted: false,
                 joined: false,
                 bent_normals: false,
+                emitter_samples: 0,
                 target: TextureFormat::Rgba32Float,
             };
             Gatherer::new(gpu, descriptor, [SIDE; 2], 64, false).expect("room")

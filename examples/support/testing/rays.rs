@@ -235,6 +235,7 @@ impl Lab {
             counted: false,
             joined: false,
             bent_normals: false,
+            emitter_samples: 0,
             target: wgpu::TextureFormat::Rgba32Float,
         })
     }

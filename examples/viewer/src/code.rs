@@ -51,8 +51,10 @@ fn rays(look: &Look) -> String {
     });
     let _ = write!(
         text,
-        "let rays = RaySettings {{\n    rays_per_pixel: {},\n    further: {further},\n    filter: {},\n}};\n",
+        "let rays = RaySettings {{\n    rays_per_pixel: {},\n    further: {further},\n    emitter_samples: {},\n    \
+         filter: {},\n}};\n",
         look.rays.rays_per_pixel,
+        look.rays.emitter_samples,
         deeper(&rust(&look.rays.filter)),
     );
     let temporal = look.temporal.as_ref();

@@ -2,10 +2,11 @@
 
 use deep_screen_space::{
     BouncedDescriptor, BouncedInput, BouncedScene, BouncedSettings, BouncedZBuffer, DiskSettings,
-    Environment, EnvironmentBuilder, EnvironmentInput, EnvironmentLight, EnvironmentSettings,
-    EnvironmentSource, GBuffer, HitEstimateInput, HitLighting, HitRadiance, HitResolver,
-    HitResolverDescriptor, HitResolverInput, HitResolverSettings, Merge, Payload, Placement,
-    Primitives, RayBudget, RayBudgetInput, RayBudgetSettings, Sampling,
+    EmittersBuilder, EmittersInput, Environment, EnvironmentBuilder, EnvironmentInput,
+    EnvironmentLight, EnvironmentSettings, EnvironmentSource, GBuffer, HitEstimateInput,
+    HitLighting, HitRadiance, HitResolver, HitResolverDescriptor, HitResolverInput,
+    HitResolverSettings, Merge, Payload, Placement, Primitives, RayBudget, RayBudgetInput,
+    RayBudgetSettings, Sampling,
     glam::DQuat,
     wgpu::{TextureFormat, TextureUsages},
 };
@@ -25,6 +26,7 @@ fn descriptor(case: &mut Case<'_>) -> BouncedDescriptor {
         statistics: false,
         counted: false,
         environment: false,
+        emitter_samples: 0,
     };
     let disks = |payload, levels| BouncedDescriptor {
         primitives: Primitives::Disks { levels },
@@ -55,6 +57,14 @@ fn descriptor(case: &mut Case<'_>) -> BouncedDescriptor {
             ..pieces(Payload::LitRadiance, Sampling::Glossy)
         },
         pieces(Payload::LitAndGathered, Sampling::Cosine),
+        BouncedDescriptor {
+            emitter_samples: 3,
+            ..under(Payload::LitAndGathered, Sampling::Cosine, true)
+        },
+        BouncedDescriptor {
+            emitter_samples: 2,
+            ..pieces(Payload::LitRadiance, Sampling::Glossy)
+        },
         disks(Payload::Occlusion, 1),
         disks(Payload::Radiance, 5),
     ];
@@ -203,6 +213,19 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         environment,
         rotation: DQuat::from_rotation_x(case.random.between(-4.0, 4.0)),
     });
+    let emitters = if descriptor.emitter_samples > 0 && !case.random.breaks() {
+        let builder = case.once("emitters", |device| EmittersBuilder::new(device))?;
+        let emitters = case.accept(builder.create(device, cloud))?;
+        let input = EmittersInput {
+            timestamps: case.timestamps(),
+            ..EmittersInput::new(cloud, &materials)
+        };
+        let done = builder.record(device, &mut case.encoder, &input, &emitters);
+        case.accept(done)?;
+        Some(emitters)
+    } else {
+        None
+    };
     let input = BouncedInput {
         frame: &frame,
         scene: BouncedScene::Cloud {
@@ -212,6 +235,7 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
         radiance,
         pixels: case.random.breaks().then_some(&[]),
         environment,
+        emitters: emitters.as_ref(),
         timestamps: case.timestamps(),
     };
     let done = tracer.record(device, &mut case.encoder, &input, &settings, &view);
@@ -230,10 +254,13 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
     let descriptor = HitResolverDescriptor {
         payload: descriptor.payload,
         sampling: descriptor.sampling,
-        deferred: !descriptor.environment && case.usual("deferred", &[true, false]),
+        deferred: !descriptor.environment
+            && descriptor.emitter_samples == 0
+            && case.usual("deferred", &[true, false]),
         counted: descriptor.counted,
         joined: false,
         bent_normals: false,
+        emitter_samples: descriptor.emitter_samples,
         target: target_format,
     };
     let reconstructor = case.once(descriptor, |device| HitResolver::new(device, &descriptor))?;

@@ -254,6 +254,7 @@ pub fn gathered(
     let materials = inputs::materials(case);
     let settings = SurfelGathererSettings {
         rays_per_surfel: case.random.count(1, 64),
+        emitter_samples: 0,
         backs: case.random.chance(0.5),
         most_albedo: case.random.scale(0.0, 1.0),
         sky_radiance: std::array::from_fn(|_| case.random.scale(0.0, 1e18)),

@@ -132,6 +132,7 @@ fn bounds_and_hits_are_those_of_the_cloud() {
         counted: false,
         joined: false,
         bent_normals: false,
+        emitter_samples: 0,
         target: Format::R32Float,
     };
     let pass = HitResolver::new(device, &descriptor).expect("pipelines");

@@ -479,6 +479,7 @@ fn draw_hits(lab: &Lab, gbuffer: GBuffer<'_>, sky: f32, target: &wgpu::TextureVi
         counted: false,
         joined: false,
         bent_normals: false,
+        emitter_samples: 0,
         target: target.texture().format(),
     };
     let pass = HitResolver::new(device, &descriptor).expect("pipelines");

@@ -5,6 +5,7 @@ pub fn made(target: TextureFormat) -> (RayTracedViewDescriptor, BounceSettings) 
     let rays = RaySettings {
         rays_per_pixel: 4,
         further: Some(RayBudgetSettings::default()),
+        emitter_samples: 0,
         filter: HitResolverSettings {
             radius: 10,
             spread: 5.456317,

@@ -1,0 +1,103 @@
+// Rays towards a cloud's pieces that shine of themselves, drawn in proportion to their power (wgsl/emitters.wgsl). Needs math,
+// hashing, surfel, material, triangle and directions.
+
+#needs emitters pieces materials trace_nearest
+
+// Texels of a row (src/emitters/mod.rs).
+const EMITTERS_A_ROW: u32 = 4096u;
+// No ray has this index: points of emitters are strewn apart from those of rays.
+const EMITTERS_KEY: u32 = 64u;
+// Distances in sizes of a piece, and its area as it is seen over what its size's square is, are within these.
+const MOST_SIZES: f32 = 1e12;
+const LEAST_SEEN: f32 = 1e-10;
+// How far a place that is met may be off the one that was aimed at, as a share of the distance.
+const AIM: f32 = 1e-4;
+
+// The weights of all pieces before this one. Behind the last piece it is that of all.
+fn weight_before(piece: u32) -> u32 {
+  return textureLoad(emitters, vec2u(piece % EMITTERS_A_ROW, piece / EMITTERS_A_ROW), 0).x;
+}
+
+fn emitters_room() -> u32 {
+  let size = textureDimensions(emitters);
+  return size.x * size.y;
+}
+
+struct EmitterSample {
+  point: vec3f,
+  piece: u32,
+  // Of all weights that of the piece; 0 where nothing shines.
+  share: f32,
+}
+
+// What share of the rays towards emitters goes to a piece.
+fn emitter_share(piece: u32) -> f32 {
+  let all = weight_before(emitters_room() - 1u);
+  return f32(weight_before(piece + 1u) - weight_before(piece)) / max(f32(all), 1.0);
+}
+
+// One of a pixel's `count` points on emitters: each has a share of its own of what picks the piece, so that pieces have as many
+// as their weights say, or one more. What picks the piece then says where in it.
+fn emitter_sample(pixel: vec2u, index: u32, count: u32, turn: u32, frame: u32) -> EmitterSample {
+  let room = emitters_room();
+  let all = weight_before(room - 1u);
+  if all == 0u {
+    return EmitterSample(vec3f(0.0), 0u, 0.0);
+  }
+  let within = point_within(pixel, EMITTERS_KEY, turn, frame);
+  let step = 0xffffffffu / count;
+  let pick = multiply_high(index * step + multiply_high(within.y, step), all);
+  // The last piece that begins at the pick or before it: pieces without weight end there too.
+  var low = 0u;
+  var high = room - 1u;
+  while low + 1u < high {
+    let middle = (low + high) / 2u;
+    if weight_before(middle) <= pick {
+      low = middle;
+    } else {
+      high = middle;
+    }
+  }
+  let begin = weight_before(low);
+  let weight = weight_before(low + 1u) - begin;
+  let x = unit_float(within.x + index * GOLDEN_STEP);
+  let y = (f32(pick - begin) + 0.5) / f32(weight);
+  let piece = pieces[low];
+  let across = sqrt(x);
+  let point = piece.a + (piece.b - piece.a) * (across * (1.0 - y)) + (piece.c - piece.a) * (across * y);
+  return EmitterSample(point, low, f32(weight) / f32(all));
+}
+
+// Density over solid angle with which a point of a piece is drawn, as seen from so far away along a unit vector.
+fn emitter_pdf(share: f32, area: AreaVector, direction: vec3f, distance: f32) -> f32 {
+  let sizes = min(distance / max(area.scale, 1e-30), MOST_SIZES);
+  return share * sizes * sizes / max(0.5 * abs(dot(area.direction, direction)), LEAST_SEEN);
+}
+
+// Of what a surface shines, the share that rays count which come there by chance: the balance heuristic (Veach and Guibas 1995).
+// Densities are those of all of a receiver's rays of a kind; those towards emitters count the rest.
+fn chance_share(by_chance: f32, aimed: f32) -> f32 {
+  return by_chance / max(by_chance + aimed, 1e-30);
+}
+
+// The piece that a ray meets where it was aimed at, which may be one that meets the sample's in an edge; MISS where something
+// else stands before it.
+fn aim(ray: Ray, drawn: EmitterSample, distance: f32, farthest: f32) -> u32 {
+  let hit = trace_nearest(ray, min(distance * (1.0 + AIM), farthest));
+  let is_there = hit.primitive == drawn.piece || hit.t >= distance * (1.0 - AIM);
+  return select(MISS, hit.primitive, is_there);
+}
+
+// What a piece sends of its own against a direction.
+fn own_along(index: u32, direction: vec3f) -> vec3f {
+  let piece = pieces[index];
+  let material = materials[min(piece.material, arrayLength(&materials) - 1u)];
+  let facing = dot(area_vector(Triangle(piece.a, piece.b, piece.c)).direction, direction) < 0.0;
+  return own_radiosity(material, facing) / PI;
+}
+
+// The density with which a place on a piece is drawn by `count` rays.
+fn aimed_pdf(count: u32, index: u32, share: f32, direction: vec3f, distance: f32) -> f32 {
+  let piece = pieces[index];
+  return f32(count) * emitter_pdf(share, area_vector(Triangle(piece.a, piece.b, piece.c)), direction, distance);
+}
