@@ -38,7 +38,7 @@ rustdoc=$TARGET/public_api/rustdoc
 mkdir -p "${rustdoc%/*}"
 printf '#!/bin/sh\nRUSTC_BOOTSTRAP=1 exec rustdoc "$@"\n' >"$rustdoc"
 chmod +x "$rustdoc"
-# Of the whole workspace, as .ci/run documents it, since the dependencies have then been checked with the features that it asks for.
+# Of the whole workspace, as .ci/run documents it: the dependencies have then been checked with the features that it asks for.
 env RUSTDOC="$rustdoc" RUSTDOCFLAGS="-Z unstable-options --output-format json" \
   cargo doc --quiet --locked --workspace --no-deps --all-features --lib
 "$tool/bin/public_api" "$TARGET/doc/deep_screen_space.json" >"$work/found"

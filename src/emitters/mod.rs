@@ -15,7 +15,7 @@ use crate::{
     geometry::Material,
     gpu::compiler::Compiler,
     gpu::{
-        Kernel, Timestamps, WORKGROUP,
+        Timestamps, WORKGROUP,
         binding::{self, Kept, Layout, view, whole},
         check_timestamps, compute_pass, dispatch,
         scan::{Scan, ScanBuffer},
@@ -138,19 +138,7 @@ impl EmittersBuilder {
     pub fn new<'a>(compiler: impl Into<Compiler<'a>>) -> Result<Self, Error> {
         let Compiler { device, cache } = compiler.into();
         let module = shader::create(device, LABEL, source()?);
-        let create = |entry| {
-            let layout = module.layout(device, &[entry]);
-            let pipeline = Kernel {
-                label: LABEL,
-                module: &module,
-                entry,
-                layouts: &[&layout.raw],
-                constants: &[],
-                cache,
-            }
-            .create(device);
-            (layout, pipeline)
-        };
+        let create = |entry| module.kernel(device, entry, &[], cache);
         Ok(Self {
             stages: STAGES.map(create).into(),
             scan: Scan::new(device, cache)?,

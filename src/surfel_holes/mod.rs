@@ -73,7 +73,7 @@ impl SurfelHoles {
     /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`.
     ///
     /// # Errors
-    /// [`Error::Shader`] where the device's compiler refuses the shaders.
+    /// None today.
     pub fn new<'a>(compiler: impl Into<Compiler<'a>>) -> Result<Self, Error> {
         let Compiler { device, cache } = compiler.into();
         let module = shader::create(device, LABEL, source()?);
