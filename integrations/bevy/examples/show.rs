@@ -86,7 +86,7 @@ fn switch(world: &mut World, camera: Entity, scene: &Scene, shown: Shown) {
 
 fn headless(scene: &Scene, out: &str) -> Result<(), String> {
     std::fs::create_dir_all(out).map_err(|error| format!("{out}: {error}"))?;
-    let mut bevy = Headless::new([640, 400], |app| {
+    let mut bevy = Headless::new([640, 400], None, |app| {
         app.add_plugins(DeepScreenSpacePlugin);
     });
     let target = bevy.target();

@@ -100,6 +100,8 @@ pub struct Triangles {
 /// A mesh, and where it is in this frame, if anywhere.
 struct Placed {
     asset: AssetId<Mesh>,
+    /// How many vertices and corners it has.
+    counts: [u32; 2],
     transforms: Vec<Rows>,
 }
 
@@ -137,11 +139,21 @@ pub fn update_triangles(
             *are_others = true;
             meshes.push(Placed {
                 asset,
+                counts: [0; 2],
                 transforms: Vec::new(),
             });
             meshes.len() - 1
         });
         meshes[place].transforms.push(rows(&transform));
+    }
+
+    // Where Bevy puts uploads off, a mesh's data may arrive before its counts do.
+    for mesh in &mut *meshes {
+        let now = assets.get(mesh.asset).map_or([0; 2], counts);
+        if mesh.counts != now {
+            mesh.counts = now;
+            uploaded.insert(mesh.asset);
+        }
     }
 
     let all: Vec<Rows> = meshes
@@ -178,6 +190,14 @@ fn has_surface(mesh: &RenderMesh) -> bool {
     is_surface && !mesh.has_morph_targets()
 }
 
+fn counts(mesh: &RenderMesh) -> [u32; 2] {
+    let corners = match mesh.buffer_info {
+        RenderMeshBufferInfo::Indexed { count, .. } => count,
+        RenderMeshBufferInfo::NonIndexed => mesh.vertex_count,
+    };
+    [mesh.vertex_count, corners]
+}
+
 fn rows(transform: &Affine3A) -> Rows {
     let [x, y, z, w] = [
         transform.matrix3.x_axis,
@@ -202,7 +222,10 @@ impl Triangles {
         let stride = size_of::<Rows>() as u32;
         let mut offset = 0;
         let mut meshes = Vec::with_capacity(self.meshes.len());
-        for Placed { asset, transforms } in &self.meshes {
+        for Placed {
+            asset, transforms, ..
+        } in &self.meshes
+        {
             let instances = Instances {
                 buffer,
                 offset,
@@ -268,21 +291,18 @@ fn of_slabs<'a>(
         error,
     })?;
     let stride = layout.layout().array_stride;
-    let (indices, count) = match &mesh.buffer_info {
-        RenderMeshBufferInfo::NonIndexed => (None, mesh.vertex_count),
-        RenderMeshBufferInfo::Indexed {
-            count,
-            index_format,
-        } => {
+    let [vertex_count, count] = counts(mesh);
+    let indices = match mesh.index_format() {
+        None => None,
+        Some(format) => {
             let Some(slice) = allocator.mesh_index_slice(&asset) else {
                 return Ok(None);
             };
-            let indices = Indices {
+            Some(Indices {
                 buffer: slice.buffer,
-                offset: u64::from(slice.range.start) * u64::from(index_format.byte_size()),
-                format: IndexFormat::from(*index_format),
-            };
-            (Some(indices), *count)
+                offset: u64::from(slice.range.start) * u64::from(format.byte_size()),
+                format: IndexFormat::from(format),
+            })
         }
     };
     Ok(Some(deep_screen_space::Mesh {
@@ -291,7 +311,7 @@ fn of_slabs<'a>(
             offset: u64::from(vertices.range.start) * stride + position.offset,
             stride: stride as u32,
             format,
-            count: mesh.vertex_count,
+            count: vertex_count,
         },
         indices,
         first: 0,

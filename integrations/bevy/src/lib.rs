@@ -2,18 +2,32 @@
 //!
 //! ```no_run
 //! use bevy::prelude::*;
-//! use bevy::render::view::Msaa;
-//! use deep_screen_space_bevy::{DeepScreenSpacePlugin, RayTracedAmbientOcclusion};
+//! use deep_screen_space_bevy::{DeepScreenSpacePlugin, RayTracedAmbientOcclusion, RayTracingStatus};
 //!
 //! fn main() {
 //!     App::new()
 //!         .add_plugins((DefaultPlugins, DeepScreenSpacePlugin))
-//!         .add_systems(Startup, |mut commands: Commands| {
-//!             commands.spawn((Camera3d::default(), Msaa::Off, RayTracedAmbientOcclusion::default()));
-//!         })
+//!         .add_systems(Startup, set_up)
+//!         .add_systems(Update, tell)
 //!         .run();
 //! }
+//!
+//! fn set_up(mut commands: Commands) {
+//!     commands.spawn((Camera3d::default(), Msaa::Off, RayTracedAmbientOcclusion::default()));
+//! }
+//!
+//! fn tell(status: Res<RayTracingStatus>, cameras: Query<Entity, With<RayTracedAmbientOcclusion>>) {
+//!     for camera in &cameras {
+//!         if let Some(Err(error)) = status.of(camera) {
+//!             warn_once!("drawn without it: {error}");
+//!         }
+//!     }
+//! }
 //! ```
+//!
+//! What takes part: visible entities with a `Mesh3d` of triangles and an opaque or masked material, on screen or off it, unless
+//! they have `NotShadowCaster`. Skinned and morphed meshes are darkened and darken nothing, since Bevy deforms them where they
+//! are drawn; masks are opaque to rays; what is transparent takes no part.
 
 mod camera;
 mod error;

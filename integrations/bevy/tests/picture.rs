@@ -7,12 +7,17 @@
 mod common;
 
 use bevy::{
-    camera::Viewport,
-    core_pipeline::tonemapping::{DebandDither, Tonemapping},
+    asset::RenderAssetUsages,
+    camera::{ScalingMode, Viewport},
+    core_pipeline::{
+        prepass::{DeferredPrepass, NormalPrepass},
+        tonemapping::{DebandDither, Tonemapping},
+    },
     light::NotShadowCaster,
-    pbr::ScreenSpaceAmbientOcclusion,
+    mesh::PrimitiveTopology,
+    pbr::{DefaultOpaqueRendererMethod, ScreenSpaceAmbientOcclusion},
     prelude::*,
-    render::{RenderApp, mesh::allocator::MeshAllocatorSettings, view::Msaa},
+    render::{RenderApp, mesh::allocator::MeshAllocatorSettings, settings::WgpuLimits, view::Msaa},
 };
 use common::Headless;
 use deep_screen_space_bevy::{
@@ -63,10 +68,9 @@ struct Stage {
 }
 
 impl Stage {
-    fn new(plugins: impl FnOnce(&mut App)) -> Self {
-        let mut bevy = Headless::new(SIZE, |app| {
+    fn new(limits: Option<WgpuLimits>) -> Self {
+        let mut bevy = Headless::new(SIZE, limits, |app| {
             app.add_plugins(DeepScreenSpacePlugin);
-            plugins(app);
         });
         let target = bevy.target();
         let world = bevy.app.world_mut();
@@ -135,6 +139,11 @@ impl Stage {
         });
     }
 
+    fn projection(&self) -> Projection {
+        let camera = self.bevy.app.world().entity(self.camera);
+        camera.get::<Projection>().expect("a camera").clone()
+    }
+
     /// The picture, and what became of its frame.
     fn picture(&mut self) -> (RgbImage, Option<Result<(), Error>>) {
         let picture = self.bevy.picture();
@@ -165,7 +174,7 @@ const OCCLUSION: RayTracedAmbientOcclusion = RayTracedAmbientOcclusion {
 
 #[test]
 fn pictures_with_and_without() {
-    let mut stage = Stage::new(|_| {});
+    let mut stage = Stage::new(None);
     let (camera, cube) = (stage.camera, stage.cube);
     let (without, status) = stage.picture();
     assert_eq!(status, None);
@@ -250,8 +259,27 @@ fn pictures_with_and_without() {
     assert_eq!(status, Some(Ok(())));
     assert_eq!(share_beyond(&back, &with, 0), 0.0);
 
-    // A camera with several samples, or Bevy's own occlusion, and settings out of range: drawn on, without.
-    stage.give(camera, Msaa::Sample4);
+    // Nor can strips be read.
+    let strip = Mesh::new(
+        PrimitiveTopology::TriangleStrip,
+        RenderAssetUsages::default(),
+    )
+    .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, vec![[0.0, -1.0, 0.0]; 3]);
+    let strip = stage.world().resource_mut::<Assets<Mesh>>().add(strip);
+    let strip = stage.world().spawn(Mesh3d(strip)).id();
+    let (_, status) = stage.picture();
+    assert!(
+        matches!(status, Some(Err(Error::Topology { .. }))),
+        "{status:?}"
+    );
+    stage.world().despawn(strip);
+
+    // A camera without normals, with several samples, or Bevy's own occlusion, and settings out of range: drawn on, without.
+    stage.world().entity_mut(camera).remove::<NormalPrepass>();
+    let (bare, status) = stage.picture();
+    assert_eq!(status, Some(Err(Error::Prepass("NormalPrepass"))));
+    assert_eq!(share_beyond(&bare, &without, 1), 0.0);
+    stage.give(camera, (NormalPrepass, Msaa::Sample4));
     let (smooth, status) = stage.picture();
     assert_eq!(status, Some(Err(Error::Msaa { samples: 4 })));
     // Edges alone are others.
@@ -287,6 +315,32 @@ fn pictures_with_and_without() {
     });
     stage.part(None);
     assert!(share_beyond(&corner, &aside, 6) <= 0.02);
+
+    // Deferred materials read it as others do. Bevy rounds their normals and colours to 8 bits.
+    stage.give(camera, DeferredPrepass);
+    let method = DefaultOpaqueRendererMethod::deferred();
+    stage.world().insert_resource(method);
+    let (deferred, status) = stage.picture();
+    assert_eq!(status, Some(Ok(())));
+    let off = share_beyond(&deferred, &with, 6);
+    assert!(off <= 0.02, "{off} of the deferred pixels are off");
+    stage.world().entity_mut(camera).remove::<DeferredPrepass>();
+    let method = DefaultOpaqueRendererMethod::forward();
+    stage.world().insert_resource(method);
+
+    // An orthographic camera: before the box it is dark, and where nothing is near it is not.
+    let perspective = stage.projection();
+    let mut orthographic = OrthographicProjection::default_3d();
+    orthographic.scaling_mode = ScalingMode::FixedVertical {
+        viewport_height: 6.0,
+    };
+    stage.give(camera, Projection::from(orthographic));
+    let (flat, status) = stage.picture();
+    assert_eq!(status, Some(Ok(())));
+    let [dark, open] = [contact, (-2.4, 2.9)].map(|(x, z)| stage.ground(&flat, x, z));
+    assert!(dark < open - 20, "{dark} before the box, {open} beside it");
+    assert_eq!(open, stage.ground(&without, 0.0, 2.9));
+    stage.give(camera, perspective);
 
     // Frames that are joined: 4 rays in each are nearer to 64 rays than those of one frame.
     let mut with_rays = |quality, frames| {
@@ -324,7 +378,7 @@ fn pictures_with_and_without() {
 
 #[test]
 fn buffers_that_shaders_may_not_read() {
-    let mut stage = Stage::new(|_| {});
+    let mut stage = Stage::new(None);
     // Before the first frame, in which Bevy makes them.
     let render_app = stage.bevy.app.sub_app_mut(RenderApp);
     render_app.insert_resource(MeshAllocatorSettings::default());
@@ -335,4 +389,19 @@ fn buffers_that_shaders_may_not_read() {
     let error = status.and_then(Result::err).expect("an error");
     assert!(error.to_string().contains("STORAGE"), "{error}");
     assert_eq!(share_beyond(&refused, &without, 1), 0.0);
+}
+
+#[test]
+fn a_device_for_which_bevy_makes_no_occlusion() {
+    let mut stage = Stage::new(Some(WgpuLimits {
+        max_storage_textures_per_shader_stage: 4,
+        ..WgpuLimits::default()
+    }));
+    let camera = stage.camera;
+    stage.give(camera, OCCLUSION);
+    let (_, status) = stage.picture();
+    let error = Error::Materials {
+        storage_textures: 4,
+    };
+    assert_eq!(status, Some(Err(error)));
 }

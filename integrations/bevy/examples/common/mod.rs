@@ -9,9 +9,9 @@ use bevy::{
     render::{
         RenderPlugin,
         gpu_readback::{Readback, ReadbackComplete},
-        render_resource::{TextureFormat, TextureUsages},
+        render_resource::{PollType, TextureFormat, TextureUsages},
         renderer::RenderDevice,
-        settings::{Backends, RenderCreation, WgpuSettings},
+        settings::{Backends, RenderCreation, WgpuLimits, WgpuSettings},
     },
     window::ExitCondition,
 };
@@ -30,10 +30,12 @@ pub struct Headless {
 }
 
 impl Headless {
-    pub fn new(size: [u32; 2], plugins: impl FnOnce(&mut App)) -> Self {
+    /// With a device of no more than some limits, if they are given.
+    pub fn new(size: [u32; 2], limits: Option<WgpuLimits>, plugins: impl FnOnce(&mut App)) -> Self {
         let mut app = App::new();
         let settings = WgpuSettings {
             backends: Some(Backends::VULKAN),
+            constrained_limits: limits,
             ..default()
         };
         app.add_plugins(
@@ -76,9 +78,13 @@ impl Headless {
             into.0 = Some(read.data.clone());
         });
         let reader = reader.id();
-        // It comes when the GPU is done, which a frame or two later is asked.
-        for _ in 0..100 {
+        // It comes in the frame after the GPU is done.
+        for _ in 0..10 {
             self.app.update();
+            let device = self.app.world().resource::<RenderDevice>();
+            device
+                .poll(PollType::wait_indefinitely())
+                .expect("a device that is not lost");
             if let Some(bytes) = self.app.world_mut().resource_mut::<Read>().0.take() {
                 self.app.world_mut().despawn(reader);
                 return picture(self.size, &bytes);
