@@ -10,14 +10,19 @@ use bevy::{
     asset::RenderAssetUsages,
     camera::{ScalingMode, Viewport},
     core_pipeline::{
+        deferred::Opaque3dDeferred,
         prepass::{DeferredPrepass, NormalPrepass},
         tonemapping::{DebandDither, Tonemapping},
     },
     light::NotShadowCaster,
+    material::OpaqueRendererMethod,
     mesh::PrimitiveTopology,
-    pbr::{DefaultOpaqueRendererMethod, ScreenSpaceAmbientOcclusion},
+    pbr::ScreenSpaceAmbientOcclusion,
     prelude::*,
-    render::{RenderApp, mesh::allocator::MeshAllocatorSettings, settings::WgpuLimits, view::Msaa},
+    render::{
+        RenderApp, mesh::allocator::MeshAllocatorSettings, render_phase::ViewBinnedRenderPhases,
+        settings::WgpuLimits, view::Msaa,
+    },
 };
 use common::Headless;
 use deep_screen_space_bevy::{
@@ -137,6 +142,16 @@ impl Stage {
             physical_size: size.into(),
             ..default()
         });
+    }
+
+    /// Has the materials drawn by a method.
+    fn draw_by(&mut self, method: OpaqueRendererMethod) {
+        let mut materials = self.world().resource_mut::<Assets<StandardMaterial>>();
+        let ids: Vec<_> = materials.ids().collect();
+        for id in ids {
+            let mut material = materials.get_mut(id).expect("a material");
+            material.opaque_render_method = method;
+        }
     }
 
     fn projection(&self) -> Projection {
@@ -316,17 +331,18 @@ fn pictures_with_and_without() {
     stage.part(None);
     assert!(share_beyond(&corner, &aside, 6) <= 0.02);
 
-    // Deferred materials read it as others do. Bevy rounds their normals and colours to 8 bits.
+    // Deferred materials read it as others do. Bevy rounds their colours to 8 bits.
     stage.give(camera, DeferredPrepass);
-    let method = DefaultOpaqueRendererMethod::deferred();
-    stage.world().insert_resource(method);
+    stage.draw_by(OpaqueRendererMethod::Deferred);
     let (deferred, status) = stage.picture();
     assert_eq!(status, Some(Ok(())));
+    let render_world = stage.bevy.app.sub_app(RenderApp).world();
+    let phases = render_world.resource::<ViewBinnedRenderPhases<Opaque3dDeferred>>();
+    assert!(phases.values().any(|phase| !phase.is_empty()));
     let off = share_beyond(&deferred, &with, 6);
     assert!(off <= 0.02, "{off} of the deferred pixels are off");
+    stage.draw_by(OpaqueRendererMethod::Forward);
     stage.world().entity_mut(camera).remove::<DeferredPrepass>();
-    let method = DefaultOpaqueRendererMethod::forward();
-    stage.world().insert_resource(method);
 
     // An orthographic camera: before the box it is dark, and where nothing is near it is not.
     let perspective = stage.projection();
