@@ -22,7 +22,7 @@ sources() {
 unpack_from_debian() {
   local suite=$1 folder=$2 present=$3
   shift 3
-  [ -e "$folder/complete" ] && return
+  [ "$(cat "$folder/complete" 2>/dev/null || true)" = "$*" ] && return
   command -v apt-get >/dev/null && command -v dpkg >/dev/null || none "there is no apt-get here"
   # shellcheck disable=SC1091 # every system has it
   local codename work log name
@@ -62,5 +62,5 @@ CONF
   mkdir -p "$folder"
   mv "$work/root/usr" "$folder/usr"
   rm -rf "$work"
-  touch "$folder/complete"
+  printf '%s' "$*" >"$folder/complete"
 }

@@ -7,16 +7,16 @@
 #         (cargo test --test whole browser); prints the size of the download and a frame's time
 #
 # Where Rust has no standard library for wasm32-unknown-unknown (rustup target add), a compiler that has one is downloaded from
-# Debian into a folder of its own, 190 MB, which changes nothing of the machine. Exit 77: there is none to be had.
+# Debian into a folder of its own, 200 MB, which changes nothing of the machine. Exit 77: there is none to be had.
 set -euo pipefail
 root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)
 # shellcheck source=scripts/vulkan.sh
 . "$root/scripts/vulkan.sh"
 # shellcheck source=scripts/debian.sh
 . "$root/scripts/debian.sh"
+# shellcheck source=scripts/rust_forky.sh
+. "$root/scripts/rust_forky.sh"
 
-SUITE=forky # of Debian, with Rust 1.97
-CACHE=${XDG_CACHE_HOME:-$HOME/.cache}/deep-screen-space
 TARGET=wasm32-unknown-unknown
 OUT=$root/target/web
 PAGE=$OUT/page
@@ -25,25 +25,15 @@ none() { say "no Rust for $TARGET: $*"; exit 77; }
 
 # The compiler, and the linker that it is told to use: rustup's compiler brings one, Debian's does not.
 ensure_compiler() {
-  local own folder=$CACHE/rust-$SUITE
+  local own
   own=$(rustc --print sysroot)/lib/rustlib/$(rustc --print host-tuple)/bin/rust-lld
   if [ -d "$(rustc --print target-libdir --target $TARGET)" ]; then
     say "compiler: $(rustc --version)"
     return
   fi
   [ -x "$own" ] || own=$(command -v wasm-ld) || none "there is no wasm-ld on the PATH"
-  unpack_from_debian "$SUITE" "$folder" "gcc binutils libc-dev" rustc libstd-rust-dev libstd-rust-dev-wasm32
-  # Other targets' libraries are half of it.
-  rm -rf "$folder"/usr/lib/rustlib/wasm32-wasip*
-  # The folder's own loader and C library run it; cargo wants one program.
-  cat >"$folder/rustc" <<RUSTC
-#!/bin/sh
-exec $(find "$folder/usr" -name 'ld-linux*.so.*' -print -quit) \
-  --library-path $(dirname "$(find "$folder/usr/lib" -name 'libLLVM*.so*' -print -quit)"):$folder/usr/lib $folder/usr/bin/rustc "\$@"
-RUSTC
-  chmod +x "$folder/rustc"
-  export RUSTC=$folder/rustc CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER=$own
-  say "compiler: $("$RUSTC" --version)"
+  use_rust_of_forky
+  export CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER=$own
 }
 
 # What writes the JavaScript, by this machine's own compiler. Prints its path.

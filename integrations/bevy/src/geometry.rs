@@ -1,0 +1,323 @@
+//! Bevy's meshes as the library's triangles: vertices and indices where they stand in Bevy's slabs, transforms anew each frame.
+
+use bevy::{
+    asset::{AssetId, Assets},
+    camera::visibility::{InheritedVisibility, RenderLayers, VisibilityRange, VisibleEntityRanges},
+    ecs::{
+        entity::Entity,
+        query::{Has, With, Without},
+        resource::Resource,
+        system::{Query, Res, ResMut},
+    },
+    light::NotShadowCaster,
+    material::AlphaMode,
+    math::Affine3A,
+    mesh::{Mesh, Mesh3d, PrimitiveTopology, skinning::SkinnedMesh},
+    pbr::{MeshMaterial3d, StandardMaterial},
+    platform::collections::{HashMap, HashSet},
+    render::{
+        Extract,
+        mesh::{RenderMesh, RenderMeshBufferInfo, allocator::MeshAllocator},
+        render_asset::{ExtractedAssets, RenderAssets},
+        renderer::{RenderDevice, RenderQueue},
+    },
+    transform::components::GlobalTransform,
+};
+use deep_screen_space::{
+    ChangedMeshes, IndexFormat, Indices, Instances, PositionFormat, TransformFormat, Vertices,
+};
+use wgpu::{Buffer, BufferDescriptor, BufferUsages};
+
+use crate::{error::Error, settings::RayTracedAmbientOcclusion};
+
+/// The upper rows of an instance's transform.
+type Rows = [[f32; 4]; 3];
+
+/// What rays may meet, as the application has it in this frame.
+#[derive(Resource, Default)]
+pub struct Occluders(Vec<(AssetId<Mesh>, Affine3A)>);
+
+/// Takes up what is visible to a camera, off its screen too.
+pub fn extract_occluders(
+    mut occluders: ResMut<Occluders>,
+    cameras: Extract<Query<(Entity, Option<&RenderLayers>), With<RayTracedAmbientOcclusion>>>,
+    meshes: Extract<
+        Query<
+            (
+                Entity,
+                &Mesh3d,
+                &GlobalTransform,
+                &InheritedVisibility,
+                Option<&MeshMaterial3d<StandardMaterial>>,
+                Option<&RenderLayers>,
+                Has<VisibilityRange>,
+            ),
+            (Without<NotShadowCaster>, Without<SkinnedMesh>),
+        >,
+    >,
+    materials: Extract<Res<Assets<StandardMaterial>>>,
+    ranges: Extract<Res<VisibleEntityRanges>>,
+) {
+    occluders.0.clear();
+    if cameras.is_empty() {
+        return;
+    }
+    for (entity, mesh, transform, visibility, material, layers, has_range) in &meshes {
+        let layers = layers.unwrap_or_default();
+        let is_seen = visibility.get()
+            && cameras.iter().any(|(camera, seen)| {
+                seen.unwrap_or_default().intersects(layers)
+                    && (!has_range || ranges.entity_is_in_range_of_view(entity, camera))
+            });
+        // Other materials than Bevy's are taken to be opaque.
+        let material = material.and_then(|material| materials.get(&material.0));
+        if is_seen && material.is_none_or(is_opaque) {
+            occluders.0.push((mesh.id(), transform.affine()));
+        }
+    }
+}
+
+/// Whether a material is in Bevy's prepass, from which rays start.
+fn is_opaque(material: &StandardMaterial) -> bool {
+    matches!(
+        material.alpha_mode,
+        AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage
+    ) && material.specular_transmission == 0.0
+}
+
+/// All triangles of a frame.
+#[derive(Resource, Default)]
+pub struct Triangles {
+    meshes: Vec<Placed>,
+    /// Transforms of all instances, those of a mesh beside each other.
+    instances: Option<Buffer>,
+    /// Meshes whose vertices came since the last recording.
+    uploaded: HashSet<AssetId<Mesh>>,
+    /// Whether the meshes are others than in the last recording.
+    are_others: bool,
+}
+
+/// A mesh, and where it is in this frame, if anywhere.
+struct Placed {
+    asset: AssetId<Mesh>,
+    /// How many vertices and corners it has.
+    counts: [u32; 2],
+    transforms: Vec<Rows>,
+}
+
+/// Takes up what changed, and all transforms.
+pub fn update_triangles(
+    mut triangles: ResMut<Triangles>,
+    occluders: Res<Occluders>,
+    uploads: Res<ExtractedAssets<RenderMesh>>,
+    assets: Res<RenderAssets<RenderMesh>>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+) {
+    let Triangles {
+        meshes,
+        instances,
+        uploaded,
+        are_others,
+    } = &mut *triangles;
+    uploaded.extend(uploads.added.union(&uploads.modified));
+
+    // A mesh that is hidden keeps its place, and one that is no more loses it.
+    let count = meshes.len();
+    meshes.retain(|mesh| assets.get(mesh.asset).is_some());
+    *are_others |= meshes.len() < count;
+    for mesh in &mut *meshes {
+        mesh.transforms.clear();
+    }
+    let places = meshes.iter().enumerate();
+    let mut places: HashMap<_, _> = places.map(|(place, mesh)| (mesh.asset, place)).collect();
+    for &(asset, transform) in &occluders.0 {
+        if !assets.get(asset).is_some_and(has_surface) {
+            continue;
+        }
+        let place = *places.entry(asset).or_insert_with(|| {
+            *are_others = true;
+            meshes.push(Placed {
+                asset,
+                counts: [0; 2],
+                transforms: Vec::new(),
+            });
+            meshes.len() - 1
+        });
+        meshes[place].transforms.push(rows(&transform));
+    }
+
+    // Where Bevy puts uploads off, a mesh's data may arrive before its counts do.
+    for mesh in &mut *meshes {
+        let now = assets.get(mesh.asset).map_or([0; 2], counts);
+        if mesh.counts != now {
+            mesh.counts = now;
+            uploaded.insert(mesh.asset);
+        }
+    }
+
+    let all: Vec<Rows> = meshes
+        .iter()
+        .flat_map(|mesh| &mesh.transforms)
+        .copied()
+        .collect();
+    let bytes: &[u8] = bytemuck::cast_slice(&all);
+    if bytes.is_empty() {
+        return;
+    }
+    let size = bytes.len() as u64;
+    let buffer = match instances.take_if(|buffer| buffer.size() >= size) {
+        Some(buffer) => buffer,
+        // A quarter more than there are, for a scene that grows.
+        None => device.wgpu_device().create_buffer(&BufferDescriptor {
+            label: Some("deep-screen-space-bevy instances"),
+            size: (size + size / 4).next_multiple_of(4),
+            usage: BufferUsages::STORAGE | BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        }),
+    };
+    queue.write_buffer(&buffer, 0, bytes);
+    *instances = Some(buffer);
+}
+
+/// Whether a mesh is one of triangles, as its buffers have it: morphed ones are elsewhere.
+fn has_surface(mesh: &RenderMesh) -> bool {
+    let topology = mesh.primitive_topology();
+    let is_surface = matches!(
+        topology,
+        PrimitiveTopology::TriangleList | PrimitiveTopology::TriangleStrip
+    );
+    is_surface && !mesh.has_morph_targets()
+}
+
+fn counts(mesh: &RenderMesh) -> [u32; 2] {
+    let corners = match mesh.buffer_info {
+        RenderMeshBufferInfo::Indexed { count, .. } => count,
+        RenderMeshBufferInfo::NonIndexed => mesh.vertex_count,
+    };
+    [mesh.vertex_count, corners]
+}
+
+fn rows(transform: &Affine3A) -> Rows {
+    let [x, y, z, w] = [
+        transform.matrix3.x_axis,
+        transform.matrix3.y_axis,
+        transform.matrix3.z_axis,
+        transform.translation,
+    ]
+    .map(|axis| axis.to_array());
+    [0, 1, 2].map(|row| [x[row], y[row], z[row], w[row]])
+}
+
+impl Triangles {
+    /// The draws, one a mesh.
+    pub fn meshes<'a>(
+        &'a self,
+        assets: &RenderAssets<RenderMesh>,
+        allocator: &'a MeshAllocator,
+    ) -> Result<Vec<deep_screen_space::Mesh<'a>>, Error> {
+        let Some(buffer) = &self.instances else {
+            return Ok(Vec::new());
+        };
+        let stride = size_of::<Rows>() as u32;
+        let mut offset = 0;
+        let mut meshes = Vec::with_capacity(self.meshes.len());
+        for Placed {
+            asset, transforms, ..
+        } in &self.meshes
+        {
+            let instances = Instances {
+                buffer,
+                offset,
+                stride,
+                format: TransformFormat::Rows3x4,
+                count: transforms.len() as u32,
+            };
+            offset += u64::from(stride) * u64::from(instances.count);
+            if let Some(mesh) = assets.get(*asset) {
+                let mesh = of_slabs(*asset, mesh, allocator, instances)?;
+                meshes.extend(mesh);
+            }
+        }
+        Ok(meshes)
+    }
+
+    /// Places in the meshes of those whose vertices came since the last recording.
+    pub fn uploaded(&self) -> Vec<usize> {
+        let meshes = self.meshes.iter().enumerate();
+        let uploaded = meshes.filter(|(_, mesh)| self.uploaded.contains(&mesh.asset));
+        uploaded.map(|(place, _)| place).collect()
+    }
+
+    /// What is to be built.
+    pub fn changed<'a>(&self, uploaded: &'a [usize]) -> ChangedMeshes<'a> {
+        if self.are_others {
+            ChangedMeshes::All
+        } else {
+            ChangedMeshes::Some(uploaded)
+        }
+    }
+
+    /// Notes whether all that changed was recorded.
+    pub fn note(&mut self, is_recorded: bool) {
+        self.are_others = !is_recorded;
+        self.uploaded.clear();
+    }
+}
+
+/// A mesh in Bevy's buffers, if it has arrived there.
+fn of_slabs<'a>(
+    asset: AssetId<Mesh>,
+    mesh: &RenderMesh,
+    allocator: &'a MeshAllocator,
+    instances: Instances<'a>,
+) -> Result<Option<deep_screen_space::Mesh<'a>>, Error> {
+    let named = || format!("{asset}");
+    if mesh.primitive_topology() != PrimitiveTopology::TriangleList {
+        return Err(Error::Topology {
+            mesh: named(),
+            topology: "a strip",
+        });
+    }
+    let layout = &mesh.layout.0;
+    let position = Mesh::ATTRIBUTE_POSITION.id;
+    let position = layout.attribute_ids().iter().position(|&id| id == position);
+    let position = position.and_then(|place| layout.layout().attributes.get(place));
+    let (Some(position), Some(vertices)) = (position, allocator.mesh_vertex_slice(&asset)) else {
+        return Ok(None);
+    };
+    let format = PositionFormat::try_from(position.format).map_err(|error| Error::Mesh {
+        mesh: named(),
+        error,
+    })?;
+    let stride = layout.layout().array_stride;
+    let [vertex_count, count] = counts(mesh);
+    let indices = match mesh.index_format() {
+        None => None,
+        Some(format) => {
+            let Some(slice) = allocator.mesh_index_slice(&asset) else {
+                return Ok(None);
+            };
+            Some(Indices {
+                buffer: slice.buffer,
+                offset: u64::from(slice.range.start) * u64::from(format.byte_size()),
+                format: IndexFormat::from(format),
+            })
+        }
+    };
+    Ok(Some(deep_screen_space::Mesh {
+        vertices: Vertices {
+            buffer: vertices.buffer,
+            offset: u64::from(vertices.range.start) * stride + position.offset,
+            stride: stride as u32,
+            format,
+            count: vertex_count,
+        },
+        indices,
+        first: 0,
+        count,
+        base_vertex: 0,
+        instances: Some(instances),
+        material: 0,
+    }))
+}

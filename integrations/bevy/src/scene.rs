@@ -1,0 +1,95 @@
+//! What rays meet in a frame, shared by all cameras.
+
+use bevy::{
+    ecs::{
+        query::With,
+        resource::Resource,
+        system::{Query, Res, ResMut},
+    },
+    render::{
+        mesh::{RenderMesh, allocator::MeshAllocator},
+        render_asset::RenderAssets,
+        renderer::RenderContext,
+    },
+};
+use deep_screen_space::{Geometry, Primitives, RayTracedScene, RayTracedSceneInput};
+use wgpu::{CommandEncoder, Device};
+
+use crate::{
+    error::Error,
+    geometry::Triangles,
+    view::{Occlusion, Seen, SeenItem},
+};
+
+/// Meshes stay as they are built, and only their transforms are taken up each frame.
+pub const PRIMITIVES: Primitives = Primitives::Instances;
+
+/// What rays meet, once a camera asked for it.
+#[derive(Resource)]
+pub struct Scene {
+    rays: Option<RayTracedScene>,
+    /// What became of the last recording.
+    recorded: Result<(), Error>,
+}
+
+impl Default for Scene {
+    fn default() -> Self {
+        Self {
+            rays: None,
+            recorded: Ok(()),
+        }
+    }
+}
+
+impl Scene {
+    /// The scene of this frame, or why there is none.
+    pub fn recorded(&self) -> Result<Option<&RayTracedScene>, Error> {
+        self.recorded.clone().map(|()| self.rays.as_ref())
+    }
+
+    fn record(
+        &mut self,
+        (device, encoder): (&Device, &mut CommandEncoder),
+        triangles: &Triangles,
+        (assets, allocator): (&RenderAssets<RenderMesh>, &MeshAllocator),
+        seen: &SeenItem<'_, '_>,
+    ) -> Result<(), Error> {
+        let camera = seen.camera()?;
+        let meshes = triangles.meshes(assets, allocator)?;
+        let rays = match &mut self.rays {
+            Some(rays) => rays,
+            none => none.insert(RayTracedScene::with_primitives(device, PRIMITIVES)?),
+        };
+        let uploaded = triangles.uploaded();
+        let input = RayTracedSceneInput {
+            changed: triangles.changed(&uploaded),
+            ..RayTracedSceneInput::new(Geometry { meshes: &meshes }, &camera)
+        };
+        Ok(rays.record(device, encoder, &input)?)
+    }
+}
+
+/// Records the scene, before any camera draws.
+pub fn record_scene(
+    mut scene: ResMut<Scene>,
+    mut triangles: ResMut<Triangles>,
+    assets: Res<RenderAssets<RenderMesh>>,
+    allocator: Res<MeshAllocator>,
+    cameras: Query<Seen, With<Occlusion>>,
+    mut context: RenderContext,
+) {
+    // Positions become relative to the first camera's place.
+    let Some(seen) = cameras.iter().next() else {
+        return;
+    };
+    let device = context.render_device().wgpu_device().clone();
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor {
+        label: Some("deep-screen-space-bevy scene"),
+    });
+    let data = (&*assets, &*allocator);
+    scene.recorded = scene.record((&device, &mut encoder), &triangles, data, &seen);
+    triangles.note(scene.recorded.is_ok());
+    if scene.recorded.is_ok() {
+        context.add_command_buffer(encoder.finish());
+    }
+}
