@@ -85,22 +85,12 @@ pub struct Occlusion {
 
 impl Occlusion {
     fn new(device: &RenderDevice, settings: RayTracedAmbientOcclusion, extent: Extent) -> Self {
-        let texture = |size, usage| texture(device, extent.format, size, usage);
-        let target = texture(extent.target, TextureUsages::COPY_SRC);
-        let read = if extent.is_at_origin {
-            target.clone()
-        } else {
-            texture(extent.viewport, TextureUsages::COPY_DST)
-        };
-        let view = read.create_view(&TextureViewDescriptor::default());
+        let (target, read) = textures(device, extent);
         Self {
             settings,
             view: make(device, &settings, extent.format),
             target,
-            read: CachedTexture {
-                texture: read,
-                default_view: view,
-            },
+            read,
         }
     }
 
@@ -182,6 +172,23 @@ fn make(
     Ok(RayTracedView::new(device.wgpu_device(), &descriptor)?)
 }
 
+/// What rays write, and what materials read.
+fn textures(device: &RenderDevice, extent: Extent) -> (Texture, CachedTexture) {
+    let texture = |size, usage| texture(device, extent.format, size, usage);
+    let target = texture(extent.target, TextureUsages::COPY_SRC);
+    let texture = if extent.is_at_origin {
+        target.clone()
+    } else {
+        texture(extent.viewport, TextureUsages::COPY_DST)
+    };
+    let default_view = texture.create_view(&TextureViewDescriptor::default());
+    let read = CachedTexture {
+        texture,
+        default_view,
+    };
+    (target, read)
+}
+
 fn texture(
     device: &RenderDevice,
     format: TextureFormat,
@@ -236,17 +243,17 @@ pub fn prepare_occlusion(
             viewport: extent([width, height]),
             is_at_origin: [x, y] == [0, 0],
         };
-        match occlusion {
-            Some(mut occlusion) if occlusion.fits(extent) => {
-                if !occlusion.settings.is(settings) {
-                    occlusion.change(&device, settings);
-                }
-            }
-            _ => {
-                commands
-                    .entity(entity)
-                    .insert(Occlusion::new(&device, *settings, extent));
-            }
+        let Some(mut occlusion) = occlusion else {
+            let occlusion = Occlusion::new(&device, *settings, extent);
+            commands.entity(entity).insert(occlusion);
+            continue;
+        };
+        if !occlusion.fits(extent) {
+            // The passes stay: to compile them takes longer than a window's edge is dragged.
+            (occlusion.target, occlusion.read) = textures(&device, extent);
+        }
+        if !occlusion.settings.is(settings) {
+            occlusion.change(&device, settings);
         }
     }
 }
