@@ -59,8 +59,10 @@ fn cut_pieces(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation
     let room = slot_for(index, total, params.piece_capacity);
     if room != NO_ROOM && whole.threshold > 0.0 {
       let piece = pieces[room];
-      // Most triangles are their only piece.
-      if all(piece.a == t.a) && all(piece.b == t.b) && all(piece.c == t.c) {
+      // Most triangles are their only piece. A small one may be enlarged, since it stands for others: what is there of it is
+      // what there is of the small one.
+      let is_small = (piece.shape & SHAPE_SMALL) != 0u && (piece.shape >> SHAPE_PATH_SHIFT) == 0u;
+      if is_small || (all(piece.a == t.a) && all(piece.b == t.b) && all(piece.c == t.c)) {
         cutouts[room] = whole;
       } else {
         let a = tex_coords_at(piece.a, t, whole);

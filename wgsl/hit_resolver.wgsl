@@ -299,7 +299,7 @@ fn average(@builtin(global_invocation_id) id: vec3u) {
     let shone_mean = shone.xyz / samples;
     mean += shone_mean;
     sum += shone_mean * rays;
-    // Of a ray of the pixel's, for what its share of those towards emitters spread.
+    // The variance of the mean of rays towards emitters, in units of one ray of the pixel's own.
     spread += max(shone.w / samples - luminance(shone_mean) * luminance(shone_mean), 0.0) * rays / samples;
 #endif
     var apart = 0.0;
@@ -333,7 +333,7 @@ fn average(@builtin(global_invocation_id) id: vec3u) {
     let chance = 0.5 * whole / rays;
     variance = 0.5 * max(spread / rays, apart) + chance * chance;
 #if EMITTERS
-    // Nor do those towards emitters tell more by how few they are.
+    // Few rays towards emitters that agree may do so by chance, too.
     let aimed = 0.5 * luminance(shone_mean) * f32(rays_per_pixel()) / (samples * rays);
     variance += aimed * aimed;
 #endif

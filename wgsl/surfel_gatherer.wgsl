@@ -132,8 +132,8 @@ fn shone(i: u32, which: u32, leaf: Triangle, side: vec3f) -> vec3f {
   let turn = hash2(i, which);
   var sum = vec3f(0.0);
   for (var k = 0u; k < params.emitter_samples; k++) {
-    // As few as they are, they start from other parts in each frame.
-    let origin = start_of(leaf, turn, k + params.frame * params.emitter_samples, side);
+    // As few as they are, they start from other parts in each frame: an odd number further.
+    let origin = start_of(leaf, turn, k + params.frame * (params.emitter_samples | 1u), side);
     let drawn = emitter_sample(vec2u(i, which), k, params.emitter_samples, 0u, params.frame);
     let direction = normalize_or(drawn.point - origin, vec3f(0.0));
     let distance = dot(drawn.point - origin, direction);

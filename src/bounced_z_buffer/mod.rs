@@ -189,7 +189,7 @@ impl BouncedZBuffer {
             can_aim(descriptor),
             "BouncedDescriptor::emitter_samples",
             descriptor.emitter_samples,
-            "0 to 16, and 0 unless a cloud's triangles are lit, and with Sampling::Uniform",
+            "0 to 16; 0 with Sampling::Uniform, and unless a cloud's triangles are lit",
         )?;
         check_setting(
             can_count(descriptor),

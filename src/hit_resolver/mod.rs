@@ -12,7 +12,7 @@ use self::{params::HitResolverParams, settings::HitResolverSettings};
 use crate::{
     bounced_z_buffer::{
         BouncedZBuffer,
-        descriptor::{BouncedDescriptor, Payload},
+        descriptor::{BouncedDescriptor, MAX_EMITTER_SAMPLES, Payload},
         settings::Sampling,
         view::{BouncedView, Hits},
     },
@@ -254,10 +254,11 @@ impl HitResolver {
         )?;
         let aims = descriptor.emitter_samples > 0;
         check_setting(
-            !aims || (descriptor.payload.is_radiance() && !descriptor.deferred),
+            descriptor.emitter_samples <= MAX_EMITTER_SAMPLES
+                && (!aims || (descriptor.payload.is_radiance() && !descriptor.deferred)),
             "HitResolverDescriptor::emitter_samples",
             descriptor.emitter_samples,
-            "as the hits', 0 without radiance and with deferred",
+            "0 to 16, as the hits'; 0 without radiance and with deferred",
         )?;
         check_bent(descriptor)?;
         let module = |stage| -> Result<_, Error> {

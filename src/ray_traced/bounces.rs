@@ -153,6 +153,11 @@ impl SurfelLights {
         self.last.map(|last| &self.gathered[last])
     }
 
+    /// There is none of what the cloud is now.
+    pub fn forget(&mut self) {
+        self.last = None;
+    }
+
     pub fn memory_bytes(&self) -> u64 {
         self.sent.size() + self.gathered.iter().map(Buffer::size).sum::<u64>()
     }

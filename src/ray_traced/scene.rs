@@ -13,8 +13,9 @@ use crate::{
     camera::Camera,
     emitters::{Emitters, EmittersBuilder, EmittersInput},
     error::{Error, check_setting},
-    geometry::Geometry,
+    geometry::{Geometry, Material},
     gpu::Timestamps,
+    gpu::binding,
     gpu::compiler::Compiler,
     instanced_bvh::{ChangedMeshes, InstancedBvh, InstancedBvhBuilder, InstancedBvhInput},
     light::Light,
@@ -228,7 +229,8 @@ impl RayTracedScene {
     ///
     /// # Errors
     /// What [`Surfelizer::record`] or [`InstancedBvhBuilder::record`] find of the geometry and the cameras, [`Light::validate`]
-    /// of lights and [`AlphaTests::validate`] of holes; [`Error::Mismatch`] for holes that the scene was not made for;
+    /// of lights and [`AlphaTests::validate`] of holes; [`Error::Buffer`] for a table of materials that cannot be bound;
+    /// [`Error::Mismatch`] for holes that the scene was not made for, and for surfels that aim without emitters;
     /// [`Error::Setting`] for the reach; [`Error::Limit`] for more triangles than the device can bind. What was recorded before
     /// stays, unless the room had to grow: then views refuse the scene until it is recorded.
     pub fn record(
@@ -257,8 +259,15 @@ impl RayTracedScene {
         if let Some(tests) = &input.alpha_tests {
             tests.validate(device, input.geometry.meshes)?;
         }
+        if let Some(lighting) = &input.lighting {
+            const MATERIALS: &str = "HitLighting::materials";
+            binding::check_table::<Material>(device, MATERIALS, lighting.materials)?;
+        }
         match &mut self.levels {
-            Levels::One(level) => level.record(device, encoder, input)?,
+            Levels::One(level) => {
+                level.check_emitters()?;
+                level.record(device, encoder, input)?;
+            }
             Levels::Two(builder, bvh) => {
                 record_instances(builder, device, encoder, input, bvh)?;
             }
@@ -393,6 +402,21 @@ impl OneLevel {
         recorded
     }
 
+    /// Surfels aim at emitters that the scene has.
+    fn check_emitters(&self) -> Result<(), Error> {
+        let aims = self.bounces.as_ref().is_some_and(BouncePasses::aims);
+        if aims && self.emitters.is_none() {
+            return Err(Error::Mismatch {
+                name: "RayTracedScene",
+                found: "surfels that aim at emitters, of which the scene has none".into(),
+                needed:
+                    "RayTracedScene::with_emitters, or 0 of SurfelGathererSettings::emitter_samples"
+                        .into(),
+            });
+        }
+        Ok(())
+    }
+
     fn over_frames(&self) -> bool {
         let bounces = self.bounces.as_ref();
         bounces.is_some_and(|passes| passes.settings.bounces == Bounces::OverFrames)
@@ -436,6 +460,9 @@ impl OneLevel {
         };
         self.surfelizer
             .record(device, encoder, &surfelize, &settings, cloud)?;
+        if let Some(lights) = &mut *lights {
+            lights.forget();
+        }
         match input.alpha_tests {
             Some(tests) => {
                 let input = AlphaTestedInput {

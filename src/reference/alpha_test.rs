@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::{
     bounced_z_buffer::{FAR, Hit, Tracing, traverse, unshadowed_where},
     instanced_bvh::{self, Instance, nearest_where},
-    surfelizer::Triangle,
+    surfelizer::{Piece, SHAPE_PATH_SHIFT, SHAPE_SMALL, Triangle},
 };
 use crate::{AlphaWrap, Light, Material, scenes::Scene};
 
@@ -139,12 +139,16 @@ impl Cutout {
         self.tex_coords_at([v, w])
     }
 
-    /// The holes of a piece of the triangle that this is of.
+    /// The holes of a piece of the triangle that this is of. A small triangle's piece may be enlarged, and has the same holes.
     #[must_use]
-    pub fn of_piece(&self, whole: &Triangle, piece: &Triangle) -> Self {
+    pub fn of_piece(&self, whole: &Triangle, piece: &Piece) -> Self {
+        if piece.shape & SHAPE_SMALL != 0 && piece.shape >> SHAPE_PATH_SHIFT == 0 {
+            return *self;
+        }
         let at = |point: DVec3| self.tex_coords_of(whole, point);
+        let Triangle { a, b, c } = piece.corners;
         Self {
-            tex_coords: [piece.a, piece.b, piece.c].map(at),
+            tex_coords: [a, b, c].map(at),
             ..*self
         }
     }

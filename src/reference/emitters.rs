@@ -139,13 +139,16 @@ pub(super) fn chance_share(by_chance: f64, aimed: f64) -> f64 {
 /// The piece that a ray meets where it was aimed at.
 pub(super) fn aim(
     ray: &Ray,
-    pieces: &[Piece],
+    (pieces, materials): (&[Piece], &[Material]),
     drawn: &EmitterSample,
     distance: f64,
     farthest: f64,
 ) -> Option<usize> {
-    let hit = nearest(ray, pieces, (distance * (1.0 + AIM)).min(farthest))?;
-    let is_there = hit.piece == drawn.piece || hit.t >= distance * (1.0 - AIM);
+    if own_along(&pieces[drawn.piece], materials, ray.direction) == DVec3::ZERO {
+        return None;
+    }
+    let hit = nearest(ray, pieces, (2.0 * distance).min(farthest))?;
+    let is_there = hit.piece == drawn.piece || (hit.t - distance).abs() <= AIM * distance;
     is_there.then_some(hit.piece)
 }
 
@@ -272,7 +275,8 @@ impl Aiming<'_> {
             origin: start.origin,
             direction,
         };
-        let Some(met) = aim(&ray, pieces, &drawn, distance, self.t_max()) else {
+        let scene = (pieces, self.lighting.0);
+        let Some(met) = aim(&ray, scene, &drawn, distance, self.t_max()) else {
             return NONE;
         };
         let own = own_along(&pieces[met], self.lighting.0, direction);

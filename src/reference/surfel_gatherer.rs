@@ -146,7 +146,7 @@ impl Gathering<'_> {
         let how = (samples, self.settings.frame);
         let mut sum = DVec3::ZERO;
         for k in 0..samples {
-            let start = k + self.settings.frame * samples;
+            let start = k.wrapping_add(self.settings.frame.wrapping_mul(samples | 1));
             let origin = self.start_of(leaf, turn, start, side);
             let Some(drawn) = emitters.sample(pieces, [i, which], [k, 0], how) else {
                 continue;
@@ -155,7 +155,8 @@ impl Gathering<'_> {
             let value = side.dot(direction).max(0.0) / PI;
             let ray = Ray { origin, direction };
             if value > 0.0
-                && let Some(met) = emitters::aim(&ray, pieces, &drawn, distance, FAR)
+                && let Some(met) =
+                    emitters::aim(&ray, (pieces, self.materials), &drawn, distance, FAR)
             {
                 let density = emitters::pdf(drawn.share, &pieces[drawn.piece], direction, distance);
                 let by_chance = f64::from(self.settings.rays_per_surfel) * value;

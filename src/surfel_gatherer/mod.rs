@@ -83,7 +83,8 @@ pub struct SurfelGathererInput<'a> {
     /// What their rays meet.
     pub senders: SurfelSenders<'a>,
     /// A storage buffer of one or more [`Material`]s. An index beyond its end takes the last one; an albedo that is negative or
-    /// not finite counts as 0.
+    /// not finite counts as 0. With [`emitters`](Self::emitters) the table that the senders' radiance is of: what they emit of
+    /// themselves is told by it from what they reflect.
     pub materials: &'a Buffer,
     /// Where the result goes: a [`SurfelRadiance`](crate::SurfelRadiance) a surfel, of which the cloud's
     /// [`SurfelCounts::stored`](crate::SurfelCounts::stored) are written. Another buffer than [`SurfelSenders::radiance`], from

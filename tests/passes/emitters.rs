@@ -244,28 +244,47 @@ fn strewn(count: u32, decades: f64, side: f64) -> Scene {
             let off = DVec3::new(draw(salt), draw(salt + 1), draw(salt + 2)) - 0.5;
             (centre + side * off).as_vec3().to_array()
         };
-        let material = scene.materials.len() as u32;
         let bright = 10_f64.powf(1.0 + decades * (draw(30) - 0.5)) as f32;
-        scene.materials.push(scenes::Material {
-            albedo: [0.5; 3],
-            emission: [bright, 0.8 * bright, 0.5 * bright],
-            double_sided: i % 2 == 0,
-        });
-        scene.parts.push(Part {
-            first_index: scene.indices.len() as u32,
-            index_count: 3,
-            material,
-        });
-        let first = scene.positions.len() as u32;
-        scene.indices.extend(first..first + 3);
         let corners = [corner(10), corner(14), corner(18)].map(|c| DVec3::from(c.map(f64::from)));
-        let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-        let normal = normal.normalize_or(DVec3::Y).as_vec3().to_array();
-        for corner in corners {
-            scene.positions.push(corner.as_vec3().to_array());
-            scene.normals.push(normal);
-        }
+        add(&mut scene, corners, bright, i % 2 == 0);
     }
+    scene
+}
+
+/// Adds a triangle of such a radiosity.
+fn add(scene: &mut Scene, corners: [DVec3; 3], bright: f32, double_sided: bool) {
+    let material = scene.materials.len() as u32;
+    scene.materials.push(scenes::Material {
+        albedo: [0.5; 3],
+        emission: [bright, 0.8 * bright, 0.5 * bright],
+        double_sided,
+    });
+    scene.parts.push(Part {
+        first_index: scene.indices.len() as u32,
+        index_count: 3,
+        material,
+    });
+    let first = scene.positions.len() as u32;
+    scene.indices.extend(first..first + 3);
+    let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+    let normal = normal.normalize_or(DVec3::Y).as_vec3().to_array();
+    for corner in corners {
+        scene.positions.push(corner.as_vec3().to_array());
+        scene.normals.push(normal);
+    }
+}
+
+/// The Cornell box lit by a lamp that is thinner than a hit is exact: its back, which shines up, lies right above its front.
+fn thin_lamp() -> Scene {
+    let mut scene = strewn(0, 0.0, 0.0);
+    let front = [
+        DVec3::new(-0.5, 4.5, -0.5),
+        DVec3::new(0.5, 4.5, -0.5),
+        DVec3::new(0.0, 4.5, 0.5),
+    ];
+    let back = [front[0], front[2], front[1]].map(|corner| corner + 1e-5 * DVec3::Y);
+    add(&mut scene, front, 20.0, false);
+    add(&mut scene, back, 20.0, false);
     scene
 }
 
@@ -412,6 +431,7 @@ fn aimed_rays_have_no_bias() {
     for (name, scene, most) in [
         ("cornell", scenes::cornell(), 0.015),
         ("strewn", strewn(8, 1.0, 0.7), 0.03),
+        ("thin lamp", thin_lamp(), 0.03),
     ] {
         let case = Case::new(&scene, 0, [48, 32]);
         for sampling in [Sampling::Cosine, Sampling::Glossy] {

@@ -139,7 +139,7 @@ fn surfels_are_the_mirrors() {
                 shape: piece.shape,
                 triangle: piece.triangle,
             };
-            let own: Cutout = cutout.of_piece(&whole, &piece.corners);
+            let own: Cutout = cutout.of_piece(&whole, &piece);
             let surfel = mirror::Surfel {
                 position: point(old.position),
                 radius: f64::from(old.radius),
@@ -185,6 +185,44 @@ fn areas_are_those_of_the_blades() {
         // Thousands of draws: their standard error is .3 % with 16 points per surfel, 1 % with one.
         assert!((found / truth - 1.0).abs() < 0.03, "{found} of {truth}");
     }
+}
+
+/// Small cards, most of which are thinned out and the rest of which stand for them, keep the same share.
+#[test]
+fn thinned_cards_keep_their_share() {
+    let gpu = pipelines::gpu();
+    let (cards, blades) = (scenes::grass(), scenes::grass_cut_out());
+    // Of what is of the last material.
+    let in_scene = |scene: &Scene| {
+        let triangles = scene.triangle_materials().len();
+        let first = scene.parts.last().expect("parts").first_index as usize / 3;
+        let area = |i| mirror::area_root(triangle_of(scene, i, DVec3::ZERO)).powi(2);
+        (first..triangles).map(area).sum::<f64>()
+    };
+    let share = in_scene(&blades) / in_scene(&cards);
+    let buffers = SceneBuffers::new(gpu, &cards);
+    let camera = camera_of(&cards, 0, [96, 64]);
+    let thinned = SurfelizerSettings {
+        radius_pixels: 12.0,
+        ..settings(Placement::Centroid)
+    };
+    let mut cloud = cloud_of(&buffers, &camera, &thinned);
+    let sources: Vec<SurfelSource> = gpu.read_buffer(cloud.sources());
+    let of_cards = |surfels: &[Surfel]| {
+        let all = surfels.iter().zip(&sources);
+        let cards = all.filter(|(_, source)| source.material == 2);
+        cards.map(|(surfel, _)| *surfel).collect::<Vec<_>>()
+    };
+    let whole = of_cards(&surfels_of(&cloud));
+    fit(&buffers, &buffers.tests(), &mut cloud);
+    let fitted = area(&of_cards(&surfels_of(&cloud))) / area(&whole);
+    println!(
+        "{} surfels: share {fitted:.4}, of blades {share:.4}",
+        whole.len()
+    );
+    assert!(whole.len() < 2000, "hardly any was thinned");
+    // Some hundred surfels of 16 points each: the standard error is 1 %.
+    assert!((fitted / share - 1.0).abs() < 0.04, "{fitted} of {share}");
 }
 
 /// Splatted occlusion of cards is as near to the truth as that of the same blades in triangles; of whole cards it is not.

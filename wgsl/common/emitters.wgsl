@@ -7,11 +7,11 @@
 const EMITTERS_A_ROW: u32 = 4096u;
 // No ray has this index: points of emitters are strewn apart from those of rays.
 const EMITTERS_KEY: u32 = 64u;
-// Distances in sizes of a piece, and its area as it is seen over what its size's square is, are within these.
+// The most that a distance counts, in sizes of a piece, and the least of its projected area over the square of its size.
 const MOST_SIZES: f32 = 1e12;
 const LEAST_SEEN: f32 = 1e-10;
-// How far a place that is met may be off the one that was aimed at, as a share of the distance.
-const AIM: f32 = 1e-4;
+// How far a place on a neighbouring piece may be off the one that was aimed at, as a share of the distance.
+const AIM: f32 = 2e-5;
 
 // The weights of all pieces before this one. Behind the last piece it is that of all.
 fn weight_before(piece: u32) -> u32 {
@@ -81,10 +81,15 @@ fn chance_share(by_chance: f32, aimed: f32) -> f32 {
 }
 
 // The piece that a ray meets where it was aimed at, which may be one that meets the sample's in an edge; MISS where something
-// else stands before it.
+// else stands before it, and where the sample's piece sends nothing this way: the front of a thin lamp is met right before its
+// back, and counts for its own samples alone.
 fn aim(ray: Ray, drawn: EmitterSample, distance: f32, farthest: f32) -> u32 {
-  let hit = trace_nearest(ray, min(distance * (1.0 + AIM), farthest));
-  let is_there = hit.primitive == drawn.piece || hit.t >= distance * (1.0 - AIM);
+  if all(own_along(drawn.piece, ray.direction) == vec3f(0.0)) {
+    return MISS;
+  }
+  // Near a piece's plane its hits are farther off than AIM, but are its own.
+  let hit = trace_nearest(ray, min(2.0 * distance, farthest));
+  let is_there = hit.primitive == drawn.piece || abs(hit.t - distance) <= AIM * distance;
   return select(MISS, hit.primitive, is_there);
 }
 

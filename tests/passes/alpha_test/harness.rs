@@ -133,7 +133,7 @@ impl World {
         let pieces = senders.pieces.iter();
         let cutouts = pieces.map(|piece| {
             let own = cutouts[piece.triangle as usize]?;
-            Some(own.of_piece(&whole(piece.triangle), &piece.corners))
+            Some(own.of_piece(&whole(piece.triangle), piece))
         });
         let cutouts = cutouts.collect();
         (senders, cutouts)
