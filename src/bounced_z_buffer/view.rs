@@ -87,8 +87,9 @@ impl BouncedView {
     }
 
     /// What the last recording counted, where the descriptor asked for it: six `u32`, namely rays, nodes that they visited,
-    /// senders that they were tested against, and rays that hit, towards emitters those that met theirs; then the steps, each a node or a sender, of the slowest of
-    /// 32 neighbouring pixels' rays, summed over groups of such rays, and how many groups there were (usage `COPY_SRC`).
+    /// senders that they were tested against, and rays that hit, towards emitters those that met theirs; then the steps, each a
+    /// node or a sender, of the slowest of 32 neighbouring pixels' rays, summed over groups of such rays, and how many groups
+    /// there were (usage `COPY_SRC`).
     pub fn statistics(&self) -> Option<&Buffer> {
         self.statistics.as_ref()
     }
@@ -96,8 +97,9 @@ impl BouncedView {
     /// How many rays each pixel had, where the descriptor has them counted, rows from the top. With
     /// [`Payload::Occlusion`](crate::Payload::Occlusion) two `u32`: how many rays of further sets were blocked, and how many rays
     /// there were of all sets. With radiance three `f32`, the sum of what came along rays of further sets, and a `u32`, how many
-    /// rays there were; the sum has what came from emitters too, the number not the rays towards them; of glossy receivers the sum is of what counts as much as the reflectance straight on, and three `f32` and
-    /// a word that is 0 follow, the sum of what is mirrored besides (usages `STORAGE | COPY_SRC`).
+    /// rays there were; the sum has what came from emitters too, the number not the rays towards them. Of glossy receivers the
+    /// sum is of what counts as much as the reflectance straight on, and three `f32` and a word that is 0 follow, the sum of what
+    /// is mirrored besides (usages `STORAGE | COPY_SRC`).
     pub fn counts(&self) -> Option<&Buffer> {
         self.counts.as_ref()
     }

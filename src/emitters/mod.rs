@@ -101,8 +101,8 @@ impl Emitters {
     }
 
     /// The table by which pieces are drawn (`R32Uint`, 4096 texels a row, usages `TEXTURE_BINDING | COPY_SRC`): in the texel of a
-    /// piece the sum of the weights of those before it, and in the last texel of all. A weight is the piece's power in units of the
-    /// greatest.
+    /// piece the sum of the weights of those before it, and in the last texel of all. A weight is the piece's power as a share
+    /// of the greatest.
     pub fn table(&self) -> &TextureView {
         &self.table
     }
