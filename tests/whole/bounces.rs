@@ -281,6 +281,37 @@ fn bounces_come_and_go_over_frames() {
     );
 }
 
+/// A frame without lighting leaves nothing for the next one, which is as the first, whether surfels aim at emitters or not.
+#[test]
+fn frames_without_lighting_are_forgotten() {
+    let gpu = pipelines::gpu();
+    let device = &gpu.device;
+    let (scene, lights) = lamp_lit(scenes::cornell());
+    let over_frames = BounceSettings::over_frames();
+    for (bounces, aims) in [(over_frames, false), (over_frames.for_emitters(), true)] {
+        let mut traced = RayTracedScene::with_bounces(device, Primitives::Triangles, bounces)
+            .expect("pipelines");
+        if aims {
+            traced = traced.with_emitters(device).expect("pipelines");
+        }
+        let mut stage = Stage::of(traced, &scene, [16, 12]);
+        let first = stage.frame(&lights);
+        let second = stage.frame(&lights);
+        assert_ne!(first, second, "a bounce more");
+        let mut encoder = gpu.encoder();
+        let meshes = stage.shot.buffers.meshes();
+        let unlit = RayTracedSceneInput::new(Geometry { meshes: &meshes }, &stage.shot.camera);
+        stage
+            .scene
+            .record(device, &mut encoder, &unlit)
+            .expect("a frame without lighting");
+        gpu.finish(encoder);
+        drop(meshes);
+        assert_eq!(stage.frame(&lights), first, "aims: {aims}");
+        assert_eq!(stage.frame(&lights), second, "aims: {aims}");
+    }
+}
+
 /// Settings out of range, and what the scene or the view was not made for.
 #[test]
 fn what_does_not_go_together_is_a_typed_error() {
@@ -366,6 +397,22 @@ fn what_does_not_go_together_is_a_typed_error() {
         "Mismatch",
         "RaySettings::emitter_samples",
         "made for",
+    );
+    // Nor have its surfels that are to aim at them; and no table of materials is none.
+    let aiming = usual.for_emitters();
+    refused(
+        Stage::new(&scene, [8, 8], aiming).record(&lights),
+        "Mismatch",
+        "RayTracedScene",
+        "RayTracedScene::with_emitters",
+    );
+    let mut unbound = Stage::new(&scene, [8, 8], usual);
+    unbound.shot.buffers.materials = pipelines::gpu().buffer(&[0_u32], wgpu::BufferUsages::STORAGE);
+    refused(
+        unbound.record(&lights),
+        "Buffer",
+        "HitLighting::materials",
+        "bytes",
     );
     // A scene of one bounce has nothing for such a view.
     let single = RayTracedScene::new(device).expect("pipelines");
