@@ -24,7 +24,7 @@ use bevy::{
     transform::components::GlobalTransform,
 };
 use deep_screen_space::{
-    ChangedMeshes, IndexFormat, Indices, Instances, PositionFormat, TransformFormat, Vertices,
+    IndexFormat, Indices, Instances, PositionFormat, TransformFormat, Vertices,
 };
 use wgpu::{Buffer, BufferDescriptor, BufferUsages};
 
@@ -93,8 +93,8 @@ pub struct Triangles {
     instances: Option<Buffer>,
     /// Meshes whose vertices came since the last recording.
     uploaded: HashSet<AssetId<Mesh>>,
-    /// Whether the meshes are others than in the last recording.
-    are_others: bool,
+    /// Which meshes the last recording was of, in their order, unless it failed.
+    recorded: Option<Vec<AssetId<Mesh>>>,
 }
 
 /// A mesh, and where it is in this frame, if anywhere.
@@ -118,14 +118,12 @@ pub fn update_triangles(
         meshes,
         instances,
         uploaded,
-        are_others,
+        recorded,
     } = &mut *triangles;
     uploaded.extend(uploads.added.union(&uploads.modified));
 
     // A mesh that is hidden keeps its place, and one that is no more loses it.
-    let count = meshes.len();
     meshes.retain(|mesh| assets.get(mesh.asset).is_some());
-    *are_others |= meshes.len() < count;
     for mesh in &mut *meshes {
         mesh.transforms.clear();
     }
@@ -136,7 +134,6 @@ pub fn update_triangles(
             continue;
         }
         let place = *places.entry(asset).or_insert_with(|| {
-            *are_others = true;
             meshes.push(Placed {
                 asset,
                 counts: [0; 2],
@@ -145,6 +142,11 @@ pub fn update_triangles(
             meshes.len() - 1
         });
         meshes[place].transforms.push(rows(&transform));
+    }
+
+    // Where all are built anyway hidden ones are not: that one of them was refused must not outlast its being seen.
+    if recorded.is_none() {
+        meshes.retain(|mesh| !mesh.transforms.is_empty());
     }
 
     // Where Bevy puts uploads off, a mesh's data may arrive before its counts do.
@@ -210,18 +212,18 @@ fn rows(transform: &Affine3A) -> Rows {
 }
 
 impl Triangles {
-    /// The draws, one a mesh.
+    /// The draws, one a mesh, in the order of the assets that they are of.
     pub fn meshes<'a>(
         &'a self,
         assets: &RenderAssets<RenderMesh>,
         allocator: &'a MeshAllocator,
-    ) -> Result<Vec<deep_screen_space::Mesh<'a>>, Error> {
+    ) -> Result<(Vec<AssetId<Mesh>>, Vec<deep_screen_space::Mesh<'a>>), Error> {
+        let mut drawn = (Vec::new(), Vec::new());
         let Some(buffer) = &self.instances else {
-            return Ok(Vec::new());
+            return Ok(drawn);
         };
         let stride = size_of::<Rows>() as u32;
         let mut offset = 0;
-        let mut meshes = Vec::with_capacity(self.meshes.len());
         for Placed {
             asset, transforms, ..
         } in &self.meshes
@@ -234,33 +236,33 @@ impl Triangles {
                 count: transforms.len() as u32,
             };
             offset += u64::from(stride) * u64::from(instances.count);
-            if let Some(mesh) = assets.get(*asset) {
-                let mesh = of_slabs(*asset, mesh, allocator, instances)?;
-                meshes.extend(mesh);
+            let Some(mesh) = assets.get(*asset) else {
+                continue;
+            };
+            match of_slabs(*asset, mesh, allocator, instances) {
+                Ok(Some(mesh)) => {
+                    drawn.0.push(*asset);
+                    drawn.1.push(mesh);
+                }
+                Ok(None) => {}
+                // Of no account where nobody sees it.
+                Err(_) if transforms.is_empty() => {}
+                Err(error) => return Err(error),
             }
         }
-        Ok(meshes)
+        Ok(drawn)
     }
 
-    /// Places in the meshes of those whose vertices came since the last recording.
-    pub fn uploaded(&self) -> Vec<usize> {
-        let meshes = self.meshes.iter().enumerate();
-        let uploaded = meshes.filter(|(_, mesh)| self.uploaded.contains(&mesh.asset));
-        uploaded.map(|(place, _)| place).collect()
+    /// Places among the draws' assets of those to be built: `None` for all, as they are others than in the last recording.
+    pub fn changed(&self, assets: &[AssetId<Mesh>]) -> Option<Vec<usize>> {
+        let is_uploaded = |place: &usize| self.uploaded.contains(&assets[*place]);
+        let are_same = self.recorded.as_deref() == Some(assets);
+        are_same.then(|| (0..assets.len()).filter(is_uploaded).collect())
     }
 
-    /// What is to be built.
-    pub fn changed<'a>(&self, uploaded: &'a [usize]) -> ChangedMeshes<'a> {
-        if self.are_others {
-            ChangedMeshes::All
-        } else {
-            ChangedMeshes::Some(uploaded)
-        }
-    }
-
-    /// Notes whether all that changed was recorded.
-    pub fn note(&mut self, is_recorded: bool) {
-        self.are_others = !is_recorded;
+    /// Notes what was recorded, if it was.
+    pub fn note(&mut self, recorded: Option<Vec<AssetId<Mesh>>>) {
+        self.recorded = recorded;
         self.uploaded.clear();
     }
 }

@@ -1,18 +1,20 @@
 //! What rays meet in a frame, shared by all cameras.
 
 use bevy::{
+    asset::AssetId,
     ecs::{
         query::With,
         resource::Resource,
         system::{Query, Res, ResMut},
     },
+    mesh::Mesh,
     render::{
         mesh::{RenderMesh, allocator::MeshAllocator},
         render_asset::RenderAssets,
         renderer::RenderContext,
     },
 };
-use deep_screen_space::{Geometry, Primitives, RayTracedScene, RayTracedSceneInput};
+use deep_screen_space::{ChangedMeshes, Geometry, Primitives, RayTracedScene, RayTracedSceneInput};
 use wgpu::{CommandEncoder, Device};
 
 use crate::{
@@ -53,19 +55,22 @@ impl Scene {
         triangles: &Triangles,
         (assets, allocator): (&RenderAssets<RenderMesh>, &MeshAllocator),
         seen: &SeenItem<'_, '_>,
-    ) -> Result<(), Error> {
+    ) -> Result<Vec<AssetId<Mesh>>, Error> {
         let camera = seen.camera()?;
-        let meshes = triangles.meshes(assets, allocator)?;
+        let (assets, meshes) = triangles.meshes(assets, allocator)?;
         let rays = match &mut self.rays {
             Some(rays) => rays,
             none => none.insert(RayTracedScene::with_primitives(device, PRIMITIVES)?),
         };
-        let uploaded = triangles.uploaded();
+        let changed = triangles.changed(&assets);
         let input = RayTracedSceneInput {
-            changed: triangles.changed(&uploaded),
+            changed: changed
+                .as_deref()
+                .map_or(ChangedMeshes::All, ChangedMeshes::Some),
             ..RayTracedSceneInput::new(Geometry { meshes: &meshes }, &camera)
         };
-        Ok(rays.record(device, encoder, &input)?)
+        rays.record(device, encoder, &input)?;
+        Ok(assets)
     }
 }
 
@@ -87,9 +92,10 @@ pub fn record_scene(
         label: Some("deep-screen-space-bevy scene"),
     });
     let data = (&*assets, &*allocator);
-    scene.recorded = scene.record((&device, &mut encoder), &triangles, data, &seen);
-    triangles.note(scene.recorded.is_ok());
-    if scene.recorded.is_ok() {
+    let recorded = scene.record((&device, &mut encoder), &triangles, data, &seen);
+    if recorded.is_ok() {
         context.add_command_buffer(encoder.finish());
     }
+    scene.recorded = recorded.as_ref().map(|_| ()).map_err(Error::clone);
+    triangles.note(recorded.ok());
 }
