@@ -14,13 +14,15 @@ use bevy::{
         renderer::RenderContext,
     },
 };
-use deep_screen_space::{ChangedMeshes, Geometry, Primitives, RayTracedScene, RayTracedSceneInput};
+use deep_screen_space::{
+    Camera, ChangedMeshes, Geometry, Primitives, RayTracedScene, RayTracedSceneInput,
+};
 use wgpu::{CommandEncoder, Device};
 
 use crate::{
     error::Error,
     geometry::Triangles,
-    view::{Occlusion, Seen, SeenItem},
+    view::{Occlusion, Seen},
 };
 
 /// Meshes stay as they are built, and only their transforms are taken up each frame.
@@ -54,9 +56,8 @@ impl Scene {
         (device, encoder): (&Device, &mut CommandEncoder),
         triangles: &Triangles,
         (assets, allocator): (&RenderAssets<RenderMesh>, &MeshAllocator),
-        seen: &SeenItem<'_, '_>,
+        camera: &Camera,
     ) -> Result<Vec<AssetId<Mesh>>, Error> {
-        let camera = seen.camera()?;
         let (assets, meshes) = triangles.meshes(assets, allocator)?;
         let rays = match &mut self.rays {
             Some(rays) => rays,
@@ -67,7 +68,7 @@ impl Scene {
             changed: changed
                 .as_deref()
                 .map_or(ChangedMeshes::All, ChangedMeshes::Some),
-            ..RayTracedSceneInput::new(Geometry { meshes: &meshes }, &camera)
+            ..RayTracedSceneInput::new(Geometry { meshes: &meshes }, camera)
         };
         rays.record(device, encoder, &input)?;
         Ok(assets)
@@ -83,8 +84,8 @@ pub fn record_scene(
     cameras: Query<Seen, With<Occlusion>>,
     mut context: RenderContext,
 ) {
-    // Positions become relative to the first camera's place.
-    let Some(seen) = cameras.iter().next() else {
+    // Positions become relative to the place of the first camera that has one: the others say why they have none.
+    let Some(camera) = cameras.iter().find_map(|seen| seen.camera().ok()) else {
         return;
     };
     let device = context.render_device().wgpu_device().clone();
@@ -92,7 +93,7 @@ pub fn record_scene(
         label: Some("deep-screen-space-bevy scene"),
     });
     let data = (&*assets, &*allocator);
-    let recorded = scene.record((&device, &mut encoder), &triangles, data, &seen);
+    let recorded = scene.record((&device, &mut encoder), &triangles, data, &camera);
     if recorded.is_ok() {
         context.add_command_buffer(encoder.finish());
     }

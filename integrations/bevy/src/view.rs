@@ -124,6 +124,7 @@ impl Occlusion {
         textures: Option<&ViewPrepassTextures>,
     ) -> Result<(), Error> {
         let view = self.view.as_mut().map_err(|error| error.clone())?;
+        let camera = seen.camera()?;
         let scene = scene.recorded()?;
         let depth = textures.and_then(|textures| textures.depth.as_ref());
         let depth = depth.ok_or(Error::Prepass("DepthPrepass"))?;
@@ -133,7 +134,6 @@ impl Occlusion {
         let Some(scene) = scene else {
             return Ok(());
         };
-        let camera = seen.camera()?;
         let gbuffer = GBuffer {
             normal_encoding: NormalEncoding::Unsigned,
             ..GBuffer::new(&*depth.texture.texture, &*normal.texture.texture)
@@ -234,6 +234,9 @@ pub fn prepare_occlusion(
             depth_or_array_layers: 1,
         };
         let [x, y, width, height] = view.viewport.to_array();
+        if width == 0 || height == 0 {
+            continue;
+        }
         let extent = Extent {
             format: bevys
                 .screen_space_ambient_occlusion_texture

@@ -8,7 +8,7 @@ mod common;
 
 use bevy::{
     asset::RenderAssetUsages,
-    camera::{ScalingMode, Viewport},
+    camera::{ScalingMode, Viewport, primitives::Aabb},
     core_pipeline::{
         deferred::Opaque3dDeferred,
         prepass::{DeferredPrepass, NormalPrepass},
@@ -97,7 +97,7 @@ impl Stage {
             PrimitiveTopology::TriangleList,
             RenderAssetUsages::default(),
         );
-        add(
+        let nothing = add(
             nothing.with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, Vec::<[f32; 3]>::new()),
             0.0,
             0.0,
@@ -119,6 +119,8 @@ impl Stage {
             0.7,
             0.4,
         );
+        // As the others have it, which it is then met before.
+        world.entity_mut(nothing).insert(Aabb::default());
         world.insert_resource(GlobalAmbientLight {
             brightness: 2500.0,
             ..default()
@@ -410,6 +412,31 @@ fn pictures_with_and_without() {
     assert_eq!(status, None);
     assert_eq!(share_beyond(&lit, &lit_without, 0), 0.0);
     assert!(stage.ground(&lit, 0.0, 2.9) > 20);
+}
+
+/// A camera that the library refuses, met before the other, is drawn without, and the other with.
+#[test]
+fn a_camera_that_is_refused_beside_another() {
+    let mut stage = Stage::new(None);
+    let (camera, target) = (stage.camera, stage.bevy.target());
+    let first = Camera {
+        order: -1,
+        ..default()
+    };
+    let camera3d = (Camera3d::default(), Msaa::Off, first, target, OCCLUSION);
+    let flat = PerspectiveProjection {
+        near: 0.0,
+        ..default()
+    };
+    let refused = stage.world().spawn((camera3d, Projection::from(flat)));
+    let refused = refused.id();
+    stage.picture();
+    stage.give(camera, OCCLUSION);
+    let (with, status) = stage.picture();
+    assert_eq!(status, Some(Ok(())));
+    compare("with", &with);
+    let status = stage.world().resource::<RayTracingStatus>().of(refused);
+    assert!(matches!(status, Some(Err(Error::Library(_)))), "{status:?}");
 }
 
 #[test]
