@@ -5,7 +5,7 @@ use bevy::{
     camera::visibility::{InheritedVisibility, RenderLayers, VisibilityRange, VisibleEntityRanges},
     ecs::{
         entity::Entity,
-        query::{Has, With, Without},
+        query::{Has, Without},
         resource::Resource,
         system::{Query, Res, ResMut},
     },
@@ -28,19 +28,36 @@ use deep_screen_space::{
 };
 use wgpu::{Buffer, BufferDescriptor, BufferUsages};
 
-use crate::{error::Error, settings::RayTracedAmbientOcclusion};
+use crate::error::Error;
 
 /// The upper rows of an instance's transform.
 type Rows = [[f32; 4]; 3];
 
 /// What rays may meet, as the application has it in this frame.
 #[derive(Resource, Default)]
-pub struct Occluders(Vec<(AssetId<Mesh>, Affine3A)>);
+pub struct Occluders {
+    /// Those that are drawn with the effect.
+    cameras: Vec<Entity>,
+    meshes: Vec<(AssetId<Mesh>, Affine3A)>,
+}
 
-/// Takes up what is visible to a camera, off its screen too.
+impl Occluders {
+    /// Begins a frame.
+    pub fn clear(&mut self) {
+        self.cameras.clear();
+        self.meshes.clear();
+    }
+
+    /// Takes up a camera that is drawn with the effect.
+    pub fn add_camera(&mut self, camera: Entity) {
+        self.cameras.push(camera);
+    }
+}
+
+/// Takes up what is visible to a camera, off its screen too, once the cameras are.
 pub fn extract_occluders(
     mut occluders: ResMut<Occluders>,
-    cameras: Extract<Query<(Entity, Option<&RenderLayers>), With<RayTracedAmbientOcclusion>>>,
+    layers: Extract<Query<&RenderLayers>>,
     meshes: Extract<
         Query<
             (
@@ -58,21 +75,25 @@ pub fn extract_occluders(
     materials: Extract<Res<Assets<StandardMaterial>>>,
     ranges: Extract<Res<VisibleEntityRanges>>,
 ) {
-    occluders.0.clear();
+    let Occluders {
+        cameras,
+        meshes: taken,
+    } = &mut *occluders;
     if cameras.is_empty() {
         return;
     }
-    for (entity, mesh, transform, visibility, material, layers, has_range) in &meshes {
-        let layers = layers.unwrap_or_default();
+    for (entity, mesh, transform, visibility, material, of_mesh, has_range) in &meshes {
+        let of_mesh = of_mesh.unwrap_or_default();
         let is_seen = visibility.get()
-            && cameras.iter().any(|(camera, seen)| {
-                seen.unwrap_or_default().intersects(layers)
+            && cameras.iter().any(|&camera| {
+                let of_camera = layers.get(camera).ok().unwrap_or_default();
+                of_camera.intersects(of_mesh)
                     && (!has_range || ranges.entity_is_in_range_of_view(entity, camera))
             });
         // Other materials than Bevy's are taken to be opaque.
         let material = material.and_then(|material| materials.get(&material.0));
         if is_seen && material.is_none_or(is_opaque) {
-            occluders.0.push((mesh.id(), transform.affine()));
+            taken.push((mesh.id(), transform.affine()));
         }
     }
 }
@@ -114,6 +135,11 @@ pub fn update_triangles(
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
 ) {
+    if occluders.cameras.is_empty() {
+        // Nothing is recorded, and all is when there is a camera again.
+        *triangles = Triangles::default();
+        return;
+    }
     let Triangles {
         meshes,
         instances,
@@ -129,7 +155,7 @@ pub fn update_triangles(
     }
     let places = meshes.iter().enumerate();
     let mut places: HashMap<_, _> = places.map(|(place, mesh)| (mesh.asset, place)).collect();
-    for &(asset, transform) in &occluders.0 {
+    for &(asset, transform) in &occluders.meshes {
         if !assets.get(asset).is_some_and(has_surface) {
             continue;
         }

@@ -86,7 +86,7 @@ impl Plugin for DeepScreenSpacePlugin {
             .add_systems(RenderStartup, camera::forget_device)
             .add_systems(
                 ExtractSchedule,
-                (camera::extract_cameras, geometry::extract_occluders),
+                (camera::extract_cameras, geometry::extract_occluders).chain(),
             )
             .add_systems(
                 Render,

@@ -22,13 +22,14 @@ use wgpu::{CommandEncoder, Device};
 use crate::{
     error::Error,
     geometry::Triangles,
+    settings::RayTracedAmbientOcclusion,
     view::{Occlusion, Seen},
 };
 
 /// Meshes stay as they are built, and only their transforms are taken up each frame.
 pub const PRIMITIVES: Primitives = Primitives::Instances;
 
-/// What rays meet, once a camera asked for it.
+/// What rays meet, while there is a camera that asked for it.
 #[derive(Resource)]
 pub struct Scene {
     rays: Option<RayTracedScene>,
@@ -81,9 +82,13 @@ pub fn record_scene(
     mut triangles: ResMut<Triangles>,
     assets: Res<RenderAssets<RenderMesh>>,
     allocator: Res<MeshAllocator>,
-    cameras: Query<Seen, With<Occlusion>>,
+    cameras: Query<Seen, (With<Occlusion>, With<RayTracedAmbientOcclusion>)>,
+    passes: Query<(), With<Occlusion>>,
     mut context: RenderContext,
 ) {
+    if passes.is_empty() {
+        *scene = Scene::default();
+    }
     // Positions become relative to the place of the first camera that has one: the others say why they have none.
     let Some(camera) = cameras.iter().find_map(|seen| seen.camera().ok()) else {
         return;

@@ -77,6 +77,8 @@ impl SeenItem<'_, '_> {
 pub struct Occlusion {
     settings: RayTracedAmbientOcclusion,
     view: Result<RayTracedView, Error>,
+    /// Whether the next frame follows none.
+    is_first: bool,
     /// Where rays write, at the places of the prepass.
     target: Texture,
     /// What materials read, whose first pixel is the viewport's: the same, unless that lies elsewhere.
@@ -89,9 +91,15 @@ impl Occlusion {
         Self {
             settings,
             view: make(device, &settings, extent.format),
+            is_first: true,
             target,
             read,
         }
+    }
+
+    /// What moved meanwhile is not followed.
+    pub fn forget_frames(&mut self) {
+        self.is_first = true;
     }
 
     fn fits(&self, extent: Extent) -> bool {
@@ -139,10 +147,12 @@ impl Occlusion {
             ..GBuffer::new(&*depth.texture.texture, &*normal.texture.texture)
         };
         let input = RayTracedInput {
+            reset: self.is_first,
             motion: motion.map(|motion| MotionVectors::uv(&*motion.texture.texture)),
             ..RayTracedInput::new(gbuffer, &camera, &*self.target)
         };
         view.record(device, encoder, scene, &input)?;
+        self.is_first = false;
         if self.read.texture.id() != self.target.id() {
             let Viewport { x, y, .. } = camera.viewport();
             let mut from = self.target.as_image_copy();

@@ -21,7 +21,7 @@ use bevy::{
     prelude::*,
     render::{
         RenderApp, mesh::allocator::MeshAllocatorSettings, render_phase::ViewBinnedRenderPhases,
-        settings::WgpuLimits, view::Msaa,
+        renderer::RenderDevice, settings::WgpuLimits, view::Msaa,
     },
 };
 use common::Headless;
@@ -180,6 +180,16 @@ impl Stage {
             picture,
             self.world().resource::<RayTracingStatus>().of(camera),
         )
+    }
+
+    /// The library's and its own buffers and textures, by their labels.
+    fn allocations(&self) -> Vec<String> {
+        let device = self.bevy.app.world().resource::<RenderDevice>();
+        let report = device.wgpu_device().generate_allocator_report();
+        let all = report.expect("Vulkan has one").allocations.into_iter();
+        all.map(|allocation| allocation.name)
+            .filter(|name| name.starts_with("deep-screen-space"))
+            .collect()
     }
 
     /// The grey of the ground at a point of it.
@@ -343,6 +353,23 @@ fn pictures_with_and_without() {
     assert_eq!(status, Some(Ok(())));
     assert_eq!(share_beyond(&back, &with, 0), 0.0);
 
+    // A camera that pauses keeps its passes and textures, and is drawn with them at once.
+    let active = |stage: &mut Stage, is_active| {
+        let mut camera = stage.world().entity_mut(camera);
+        camera.get_mut::<Camera>().expect("a camera").is_active = is_active;
+    };
+    active(&mut stage, false);
+    stage.picture();
+    let kept = stage.allocations();
+    assert!(
+        kept.iter().any(|name| name.ends_with("bevy occlusion")),
+        "{kept:?}"
+    );
+    active(&mut stage, true);
+    let (back, status) = stage.picture();
+    assert_eq!(status, Some(Ok(())));
+    assert_eq!(share_beyond(&back, &with, 0), 0.0);
+
     // A part of the picture shows what the same part elsewhere does.
     let [corner, aside] = [[0, 0], [29, 17]].map(|place| {
         stage.part(Some((place, [64, 40])));
@@ -411,6 +438,8 @@ fn pictures_with_and_without() {
     let (lit_without, status) = stage.picture();
     assert_eq!(status, None);
     assert_eq!(share_beyond(&lit, &lit_without, 0), 0.0);
+    // Nothing is kept without cameras but the texture, which Bevy's own bind groups hold.
+    assert_eq!(stage.allocations(), ["deep-screen-space-bevy occlusion"]);
     assert!(stage.ground(&lit, 0.0, 2.9) > 20);
 }
 
