@@ -13,7 +13,7 @@ use bevy::{
     material::AlphaMode,
     math::Affine3A,
     mesh::{Mesh, Mesh3d, PrimitiveTopology, skinning::SkinnedMesh},
-    pbr::{MeshMaterial3d, StandardMaterial},
+    pbr::{Material, MeshMaterial3d},
     platform::collections::{HashMap, HashSet},
     render::{
         Extract,
@@ -55,7 +55,7 @@ impl Occluders {
 }
 
 /// Takes up what is visible to a camera, off its screen too, once the cameras are.
-pub fn extract_occluders(
+pub fn extract_occluders<M: Material>(
     mut occluders: ResMut<Occluders>,
     layers: Extract<Query<&RenderLayers>>,
     meshes: Extract<
@@ -65,21 +65,24 @@ pub fn extract_occluders(
                 &Mesh3d,
                 &GlobalTransform,
                 &InheritedVisibility,
-                Option<&MeshMaterial3d<StandardMaterial>>,
+                &MeshMaterial3d<M>,
                 Option<&RenderLayers>,
                 Has<VisibilityRange>,
             ),
             (Without<NotShadowCaster>, Without<SkinnedMesh>),
         >,
     >,
-    materials: Extract<Res<Assets<StandardMaterial>>>,
+    materials: Extract<Option<Res<Assets<M>>>>,
     ranges: Extract<Res<VisibleEntityRanges>>,
 ) {
     let Occluders {
         cameras,
         meshes: taken,
     } = &mut *occluders;
-    if cameras.is_empty() {
+    let Some(materials) = &*materials else {
+        return;
+    };
+    if cameras.is_empty() || !M::enable_prepass() {
         return;
     }
     for (entity, mesh, transform, visibility, material, of_mesh, has_range) in &meshes {
@@ -90,20 +93,18 @@ pub fn extract_occluders(
                 of_camera.intersects(of_mesh)
                     && (!has_range || ranges.entity_is_in_range_of_view(entity, camera))
             });
-        // Other materials than Bevy's are taken to be opaque.
-        let material = material.and_then(|material| materials.get(&material.0));
-        if is_seen && material.is_none_or(is_opaque) {
+        if is_seen && materials.get(&material.0).is_some_and(is_opaque) {
             taken.push((mesh.id(), transform.affine()));
         }
     }
 }
 
 /// Whether a material is in Bevy's prepass, from which rays start.
-fn is_opaque(material: &StandardMaterial) -> bool {
+fn is_opaque(material: &impl Material) -> bool {
     matches!(
-        material.alpha_mode,
+        material.alpha_mode(),
         AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage
-    ) && material.specular_transmission == 0.0
+    ) && !material.reads_view_transmission_texture()
 }
 
 /// All triangles of a frame.

@@ -21,13 +21,13 @@ use bevy::{
     prelude::*,
     render::{
         RenderApp, mesh::allocator::MeshAllocatorSettings, render_phase::ViewBinnedRenderPhases,
-        renderer::RenderDevice, settings::WgpuLimits, view::Msaa,
+        render_resource::AsBindGroup, renderer::RenderDevice, settings::WgpuLimits, view::Msaa,
     },
 };
 use common::Headless;
 use deep_screen_space_bevy::{
-    DeepScreenSpacePlugin, Error, RayTracedAmbientOcclusion, RayTracingStatus,
-    deep_screen_space::Quality,
+    DeepScreenSpacePlugin, Error, OccludingMaterialPlugin, RayTracedAmbientOcclusion,
+    RayTracingStatus, deep_screen_space::Quality,
 };
 use image::RgbImage;
 
@@ -65,6 +65,12 @@ fn compare(name: &str, picture: &RgbImage) {
     assert!(share <= 0.02, "{name}: {share} of the pixels are off");
 }
 
+/// A material of another type than Bevy's.
+#[derive(Asset, TypePath, AsBindGroup, Clone)]
+struct Other {}
+
+impl Material for Other {}
+
 /// A plane with a box and a ball on it.
 struct Stage {
     bevy: Headless,
@@ -75,7 +81,11 @@ struct Stage {
 impl Stage {
     fn new(limits: Option<WgpuLimits>) -> Self {
         let mut bevy = Headless::new(SIZE, limits, |app| {
-            app.add_plugins(DeepScreenSpacePlugin);
+            app.add_plugins((
+                DeepScreenSpacePlugin,
+                MaterialPlugin::<Other>::default(),
+                OccludingMaterialPlugin::<Other>::default(),
+            ));
         });
         let target = bevy.target();
         let world = bevy.app.world_mut();
@@ -261,6 +271,32 @@ fn pictures_with_and_without() {
     stage.world().entity_mut(cube).remove::<NotShadowCaster>();
     stage.give(cube, Transform::from_xyz(-0.9, 0.7, 0.0));
 
+    // What Bevy does not draw hides nothing: a mesh without a material, or with one that is not loaded. A material of another
+    // type does, as its plugin was added.
+    let mesh = |stage: &mut Stage| {
+        let cube = stage.world().entity(cube);
+        cube.get::<Mesh3d>().expect("a mesh").clone()
+    };
+    let beside = (mesh(&mut stage), Transform::from_xyz(4.0, 0.7, 2.6));
+    let collider = stage.world().spawn(beside).id();
+    let (bare, _) = stage.picture();
+    assert_eq!(share_beyond(&bare, &with, 0), 0.0);
+    let unloaded = stage.world().resource::<Assets<StandardMaterial>>();
+    let unloaded = MeshMaterial3d(unloaded.reserve_handle());
+    stage.give(collider, unloaded);
+    let (unloaded, _) = stage.picture();
+    assert_eq!(share_beyond(&unloaded, &with, 0), 0.0);
+    stage
+        .world()
+        .entity_mut(collider)
+        .remove::<MeshMaterial3d<StandardMaterial>>();
+    let other = stage.world().resource_mut::<Assets<Other>>().add(Other {});
+    stage.give(collider, MeshMaterial3d(other));
+    let (other, _) = stage.picture();
+    let [dark, open] = [&other, &hidden].map(|p| stage.ground(p, 2.5, 2.6));
+    assert!(dark < open - 5, "{dark} in place of {open} beside the box");
+    stage.world().despawn(collider);
+
     // Vertices that change are seen as they are: a box of no height hides nothing.
     let mesh = stage
         .world()
@@ -310,7 +346,13 @@ fn pictures_with_and_without() {
     )
     .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, vec![[0.0, -1.0, 0.0]; 3]);
     let strip = stage.world().resource_mut::<Assets<Mesh>>().add(strip);
-    let strip = stage.world().spawn(Mesh3d(strip)).id();
+    let material = stage
+        .world()
+        .entity(cube)
+        .get::<MeshMaterial3d<StandardMaterial>>()
+        .expect("a material")
+        .clone();
+    let strip = stage.world().spawn((Mesh3d(strip), material)).id();
     let (_, status) = stage.picture();
     assert!(
         matches!(status, Some(Err(Error::Topology { .. }))),
