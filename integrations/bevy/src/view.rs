@@ -41,6 +41,11 @@ pub struct Seen {
 }
 
 impl SeenItem<'_, '_> {
+    /// Whether Bevy's motion vectors, which are without jitter, are not those of the picture.
+    fn is_jittered(&self) -> bool {
+        self.jitter.is_some()
+    }
+
     /// The camera, as Bevy's prepass draws with it.
     pub fn camera(&self) -> Result<Camera, Error> {
         let view = self.view;
@@ -148,7 +153,9 @@ impl Occlusion {
         };
         let input = RayTracedInput {
             reset: self.is_first,
-            motion: motion.map(|motion| MotionVectors::uv(&*motion.texture.texture)),
+            motion: motion
+                .filter(|_| !seen.is_jittered())
+                .map(|motion| MotionVectors::uv(&*motion.texture.texture)),
             ..RayTracedInput::new(gbuffer, &camera, &*self.target)
         };
         view.record(device, encoder, scene, &input)?;

@@ -11,7 +11,7 @@ use bevy::{
     camera::{ScalingMode, Viewport, primitives::Aabb},
     core_pipeline::{
         deferred::Opaque3dDeferred,
-        prepass::{DeferredPrepass, NormalPrepass},
+        prepass::{DeferredPrepass, MotionVectorPrepass, NormalPrepass},
         tonemapping::{DebandDither, Tonemapping},
     },
     light::NotShadowCaster,
@@ -20,8 +20,9 @@ use bevy::{
     pbr::ScreenSpaceAmbientOcclusion,
     prelude::*,
     render::{
-        RenderApp, mesh::allocator::MeshAllocatorSettings, render_phase::ViewBinnedRenderPhases,
-        render_resource::AsBindGroup, renderer::RenderDevice, settings::WgpuLimits, view::Msaa,
+        RenderApp, camera::TemporalJitter, mesh::allocator::MeshAllocatorSettings,
+        render_phase::ViewBinnedRenderPhases, render_resource::AsBindGroup, renderer::RenderDevice,
+        settings::WgpuLimits, view::Msaa,
     },
 };
 use common::Headless;
@@ -87,6 +88,12 @@ impl Stage {
                 OccludingMaterialPlugin::<Other>::default(),
             ));
         });
+        bevy.app
+            .add_systems(Last, |mut jitters: Query<&mut TemporalJitter>| {
+                for mut jitter in &mut jitters {
+                    jitter.offset *= -1.0;
+                }
+            });
         let target = bevy.target();
         let world = bevy.app.world_mut();
         let white = world
@@ -467,6 +474,35 @@ fn pictures_with_and_without() {
     let one = off_by(&with_rays(Quality::Fast, 1), &truth);
     let joined = off_by(&with_rays(Quality::Fast, 32), &truth);
     assert!(joined < 0.8 * one, "{joined} in place of {one}");
+
+    // Nor does jitter smear them, which Bevy's motion vectors are without.
+    let mut jittered = |with_motion: bool| {
+        stage
+            .world()
+            .entity_mut(camera)
+            .remove::<(RayTracedAmbientOcclusion, TemporalJitter)>();
+        stage.picture();
+        if with_motion {
+            stage.give(camera, MotionVectorPrepass);
+        }
+        let frames = RayTracedAmbientOcclusion {
+            quality: Quality::Fast,
+            frames: 32,
+            ..OCCLUSION
+        };
+        let offset = Vec2::splat(0.5);
+        stage.give(camera, (frames, TemporalJitter { offset }));
+        let (picture, status) = stage.picture();
+        assert_eq!(status, Some(Ok(())));
+        picture
+    };
+    let [without_motion, with_motion] = [false, true].map(&mut jittered);
+    assert_eq!(share_beyond(&with_motion, &without_motion, 0), 0.0);
+    stage
+        .world()
+        .entity_mut(camera)
+        .remove::<(TemporalJitter, MotionVectorPrepass)>();
+    stage.give(camera, OCCLUSION);
 
     // Light of lamps is no ambient light.
     stage.world().insert_resource(GlobalAmbientLight::NONE);
