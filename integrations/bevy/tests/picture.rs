@@ -411,7 +411,7 @@ fn pictures_with_and_without() {
     stage.picture();
     let kept = stage.allocations();
     assert!(
-        kept.iter().any(|name| name.ends_with("bevy occlusion")),
+        kept.iter().any(|name| name.ends_with("bounced z-buffer")),
         "{kept:?}"
     );
     active(&mut stage, true);
