@@ -37,7 +37,10 @@ fn run() -> Result<(), String> {
     while let Some(argument) = arguments.next() {
         match argument.as_str() {
             "--headless" => out = Some(arguments.next().ok_or("--headless takes a folder")?),
-            "--help" => return Err(USAGE.into()),
+            "--help" => {
+                println!("{USAGE}");
+                return Ok(());
+            }
             _ => name = argument,
         }
     }

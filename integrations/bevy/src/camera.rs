@@ -17,7 +17,7 @@ use bevy::{
         entity::Entity,
         query::{Has, With, Without},
         schedule::ScheduleLabel,
-        system::{Commands, Query, Res},
+        system::{Commands, Query, Res, ResMut},
         world::World,
     },
     math::UVec2,
@@ -29,7 +29,8 @@ use bevy::{
 };
 
 use crate::{
-    error::Error, settings::RayTracedAmbientOcclusion, status::RayTracingStatus, view::Occlusion,
+    error::Error, geometry::Occluders, settings::RayTracedAmbientOcclusion,
+    status::RayTracingStatus, view::Occlusion,
 };
 
 /// What Bevy's own occlusion asks for, below which its plugin does nothing.
@@ -50,6 +51,8 @@ type OfCamera = (
 /// Takes up the cameras that have the effect.
 pub fn extract_cameras(
     mut commands: Commands,
+    mut occluders: ResMut<Occluders>,
+    mut passes: Query<&mut Occlusion>,
     device: Res<RenderDevice>,
     status: Res<RayTracingStatus>,
     cameras: Extract<
@@ -69,11 +72,16 @@ pub fn extract_cameras(
     >,
     read: Query<(), With<ScreenSpaceAmbientOcclusionResources>>,
 ) {
+    occluders.clear();
     status.retain(|camera| cameras.contains(camera));
     for (entity, rendered, camera, settings, msaa, screen_space, depth, normal) in &cameras {
         let mut rendered_camera = commands.entity(rendered);
         if !camera.is_active {
-            rendered_camera.remove::<OfCamera>();
+            // Passes and textures are there for when it is active again.
+            rendered_camera.remove::<(RayTracedAmbientOcclusion, ScreenSpaceAmbientOcclusion)>();
+            if let Ok(mut passes) = passes.get_mut(rendered) {
+                passes.forget_frames();
+            }
             continue;
         }
         let storage_textures = device.limits().max_storage_textures_per_shader_stage;
@@ -93,13 +101,16 @@ pub fn extract_cameras(
             None
         };
         if let Some(error) = refused {
-            rendered_camera.remove::<(RayTracedAmbientOcclusion, Occlusion)>();
-            if !screen_space {
+            if screen_space {
+                // The rest is Bevy's own.
+                rendered_camera.remove::<(RayTracedAmbientOcclusion, Occlusion)>();
+            } else {
                 rendered_camera.remove::<OfCamera>();
             }
             status.set(entity, Err(error));
             continue;
         }
+        occluders.add_camera(entity);
         rendered_camera.insert(*settings);
         if read.contains(rendered) {
             rendered_camera.insert(ScreenSpaceAmbientOcclusion::default());

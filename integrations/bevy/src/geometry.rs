@@ -5,7 +5,7 @@ use bevy::{
     camera::visibility::{InheritedVisibility, RenderLayers, VisibilityRange, VisibleEntityRanges},
     ecs::{
         entity::Entity,
-        query::{Has, With, Without},
+        query::{Has, Without},
         resource::Resource,
         system::{Query, Res, ResMut},
     },
@@ -13,7 +13,7 @@ use bevy::{
     material::AlphaMode,
     math::Affine3A,
     mesh::{Mesh, Mesh3d, PrimitiveTopology, skinning::SkinnedMesh},
-    pbr::{MeshMaterial3d, StandardMaterial},
+    pbr::{Material, MeshMaterial3d},
     platform::collections::{HashMap, HashSet},
     render::{
         Extract,
@@ -24,23 +24,40 @@ use bevy::{
     transform::components::GlobalTransform,
 };
 use deep_screen_space::{
-    ChangedMeshes, IndexFormat, Indices, Instances, PositionFormat, TransformFormat, Vertices,
+    IndexFormat, Indices, Instances, PositionFormat, TransformFormat, Vertices,
 };
 use wgpu::{Buffer, BufferDescriptor, BufferUsages};
 
-use crate::{error::Error, settings::RayTracedAmbientOcclusion};
+use crate::error::Error;
 
 /// The upper rows of an instance's transform.
 type Rows = [[f32; 4]; 3];
 
 /// What rays may meet, as the application has it in this frame.
 #[derive(Resource, Default)]
-pub struct Occluders(Vec<(AssetId<Mesh>, Affine3A)>);
+pub struct Occluders {
+    /// Those that are drawn with the effect.
+    cameras: Vec<Entity>,
+    meshes: Vec<(AssetId<Mesh>, Affine3A)>,
+}
 
-/// Takes up what is visible to a camera, off its screen too.
-pub fn extract_occluders(
+impl Occluders {
+    /// Begins a frame.
+    pub fn clear(&mut self) {
+        self.cameras.clear();
+        self.meshes.clear();
+    }
+
+    /// Takes up a camera that is drawn with the effect.
+    pub fn add_camera(&mut self, camera: Entity) {
+        self.cameras.push(camera);
+    }
+}
+
+/// Takes up what is visible to a camera, off its screen too, once the cameras are.
+pub fn extract_occluders<M: Material>(
     mut occluders: ResMut<Occluders>,
-    cameras: Extract<Query<(Entity, Option<&RenderLayers>), With<RayTracedAmbientOcclusion>>>,
+    layers: Extract<Query<&RenderLayers>>,
     meshes: Extract<
         Query<
             (
@@ -48,41 +65,46 @@ pub fn extract_occluders(
                 &Mesh3d,
                 &GlobalTransform,
                 &InheritedVisibility,
-                Option<&MeshMaterial3d<StandardMaterial>>,
+                &MeshMaterial3d<M>,
                 Option<&RenderLayers>,
                 Has<VisibilityRange>,
             ),
             (Without<NotShadowCaster>, Without<SkinnedMesh>),
         >,
     >,
-    materials: Extract<Res<Assets<StandardMaterial>>>,
+    materials: Extract<Option<Res<Assets<M>>>>,
     ranges: Extract<Res<VisibleEntityRanges>>,
 ) {
-    occluders.0.clear();
-    if cameras.is_empty() {
+    let Occluders {
+        cameras,
+        meshes: taken,
+    } = &mut *occluders;
+    let Some(materials) = &*materials else {
+        return;
+    };
+    if cameras.is_empty() || !M::enable_prepass() {
         return;
     }
-    for (entity, mesh, transform, visibility, material, layers, has_range) in &meshes {
-        let layers = layers.unwrap_or_default();
+    for (entity, mesh, transform, visibility, material, of_mesh, has_range) in &meshes {
+        let of_mesh = of_mesh.unwrap_or_default();
         let is_seen = visibility.get()
-            && cameras.iter().any(|(camera, seen)| {
-                seen.unwrap_or_default().intersects(layers)
+            && cameras.iter().any(|&camera| {
+                let of_camera = layers.get(camera).ok().unwrap_or_default();
+                of_camera.intersects(of_mesh)
                     && (!has_range || ranges.entity_is_in_range_of_view(entity, camera))
             });
-        // Other materials than Bevy's are taken to be opaque.
-        let material = material.and_then(|material| materials.get(&material.0));
-        if is_seen && material.is_none_or(is_opaque) {
-            occluders.0.push((mesh.id(), transform.affine()));
+        if is_seen && materials.get(&material.0).is_some_and(is_opaque) {
+            taken.push((mesh.id(), transform.affine()));
         }
     }
 }
 
 /// Whether a material is in Bevy's prepass, from which rays start.
-fn is_opaque(material: &StandardMaterial) -> bool {
+fn is_opaque(material: &impl Material) -> bool {
     matches!(
-        material.alpha_mode,
+        material.alpha_mode(),
         AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage
-    ) && material.specular_transmission == 0.0
+    ) && !material.reads_view_transmission_texture()
 }
 
 /// All triangles of a frame.
@@ -93,8 +115,8 @@ pub struct Triangles {
     instances: Option<Buffer>,
     /// Meshes whose vertices came since the last recording.
     uploaded: HashSet<AssetId<Mesh>>,
-    /// Whether the meshes are others than in the last recording.
-    are_others: bool,
+    /// Which meshes the last recording was of, in their order, unless it failed.
+    recorded: Option<Vec<AssetId<Mesh>>>,
 }
 
 /// A mesh, and where it is in this frame, if anywhere.
@@ -114,29 +136,31 @@ pub fn update_triangles(
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
 ) {
+    if occluders.cameras.is_empty() {
+        // Nothing is recorded, and all is when there is a camera again.
+        *triangles = Triangles::default();
+        return;
+    }
     let Triangles {
         meshes,
         instances,
         uploaded,
-        are_others,
+        recorded,
     } = &mut *triangles;
     uploaded.extend(uploads.added.union(&uploads.modified));
 
     // A mesh that is hidden keeps its place, and one that is no more loses it.
-    let count = meshes.len();
     meshes.retain(|mesh| assets.get(mesh.asset).is_some());
-    *are_others |= meshes.len() < count;
     for mesh in &mut *meshes {
         mesh.transforms.clear();
     }
     let places = meshes.iter().enumerate();
     let mut places: HashMap<_, _> = places.map(|(place, mesh)| (mesh.asset, place)).collect();
-    for &(asset, transform) in &occluders.0 {
+    for &(asset, transform) in &occluders.meshes {
         if !assets.get(asset).is_some_and(has_surface) {
             continue;
         }
         let place = *places.entry(asset).or_insert_with(|| {
-            *are_others = true;
             meshes.push(Placed {
                 asset,
                 counts: [0; 2],
@@ -145,6 +169,11 @@ pub fn update_triangles(
             meshes.len() - 1
         });
         meshes[place].transforms.push(rows(&transform));
+    }
+
+    // Where all are built anyway hidden ones are not: that one of them was refused must not outlast its being seen.
+    if recorded.is_none() {
+        meshes.retain(|mesh| !mesh.transforms.is_empty());
     }
 
     // Where Bevy puts uploads off, a mesh's data may arrive before its counts do.
@@ -210,18 +239,18 @@ fn rows(transform: &Affine3A) -> Rows {
 }
 
 impl Triangles {
-    /// The draws, one a mesh.
+    /// The draws, one a mesh, in the order of the assets that they are of.
     pub fn meshes<'a>(
         &'a self,
         assets: &RenderAssets<RenderMesh>,
         allocator: &'a MeshAllocator,
-    ) -> Result<Vec<deep_screen_space::Mesh<'a>>, Error> {
+    ) -> Result<(Vec<AssetId<Mesh>>, Vec<deep_screen_space::Mesh<'a>>), Error> {
+        let mut drawn = (Vec::new(), Vec::new());
         let Some(buffer) = &self.instances else {
-            return Ok(Vec::new());
+            return Ok(drawn);
         };
         let stride = size_of::<Rows>() as u32;
         let mut offset = 0;
-        let mut meshes = Vec::with_capacity(self.meshes.len());
         for Placed {
             asset, transforms, ..
         } in &self.meshes
@@ -234,33 +263,33 @@ impl Triangles {
                 count: transforms.len() as u32,
             };
             offset += u64::from(stride) * u64::from(instances.count);
-            if let Some(mesh) = assets.get(*asset) {
-                let mesh = of_slabs(*asset, mesh, allocator, instances)?;
-                meshes.extend(mesh);
+            let Some(mesh) = assets.get(*asset) else {
+                continue;
+            };
+            match of_slabs(*asset, mesh, allocator, instances) {
+                Ok(Some(mesh)) => {
+                    drawn.0.push(*asset);
+                    drawn.1.push(mesh);
+                }
+                Ok(None) => {}
+                // Of no account where nobody sees it.
+                Err(_) if transforms.is_empty() => {}
+                Err(error) => return Err(error),
             }
         }
-        Ok(meshes)
+        Ok(drawn)
     }
 
-    /// Places in the meshes of those whose vertices came since the last recording.
-    pub fn uploaded(&self) -> Vec<usize> {
-        let meshes = self.meshes.iter().enumerate();
-        let uploaded = meshes.filter(|(_, mesh)| self.uploaded.contains(&mesh.asset));
-        uploaded.map(|(place, _)| place).collect()
+    /// Places among the draws' assets of those to be built: `None` for all, as they are others than in the last recording.
+    pub fn changed(&self, assets: &[AssetId<Mesh>]) -> Option<Vec<usize>> {
+        let is_uploaded = |place: &usize| self.uploaded.contains(&assets[*place]);
+        let are_same = self.recorded.as_deref() == Some(assets);
+        are_same.then(|| (0..assets.len()).filter(is_uploaded).collect())
     }
 
-    /// What is to be built.
-    pub fn changed<'a>(&self, uploaded: &'a [usize]) -> ChangedMeshes<'a> {
-        if self.are_others {
-            ChangedMeshes::All
-        } else {
-            ChangedMeshes::Some(uploaded)
-        }
-    }
-
-    /// Notes whether all that changed was recorded.
-    pub fn note(&mut self, is_recorded: bool) {
-        self.are_others = !is_recorded;
+    /// Notes what was recorded, if it was.
+    pub fn note(&mut self, recorded: Option<Vec<AssetId<Mesh>>>) {
+        self.recorded = recorded;
         self.uploaded.clear();
     }
 }

@@ -25,9 +25,12 @@
 //! }
 //! ```
 //!
-//! What takes part: visible entities with a `Mesh3d` of triangles and an opaque or masked material, on screen or off it, unless
-//! they have `NotShadowCaster`. Skinned and morphed meshes are darkened and darken nothing, since Bevy deforms them where they
-//! are drawn; masks are opaque to rays; what is transparent takes no part.
+//! What takes part: visible entities with a `Mesh3d` of triangles and a material, on screen or off it, unless they have
+//! `NotShadowCaster`. The material is a `StandardMaterial`, or one of a type that an [`OccludingMaterialPlugin`] was added for.
+//! It is loaded, in Bevy's prepass, of the alpha mode `Opaque`, `Mask` or `AlphaToCoverage`, and transmits nothing. What a mask
+//! or a material's shader cuts out is opaque to rays, and vertices that a shader moves are where the mesh has them. Skinned and
+//! morphed meshes are darkened and darken nothing, since Bevy deforms them where they are drawn, and so are materials of other
+//! types.
 
 mod camera;
 mod error;
@@ -37,11 +40,13 @@ mod settings;
 mod status;
 mod view;
 
+use std::marker::PhantomData;
+
 use bevy::{
     app::{App, Plugin},
     core_pipeline::{Core3d, Core3dSystems},
     ecs::schedule::{IntoScheduleConfigs, common_conditions::any_with_component},
-    pbr::check_views_need_specialization,
+    pbr::{Material, StandardMaterial, check_views_need_specialization},
     render::{
         ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems,
         mesh::allocator::MeshAllocatorSettings,
@@ -62,8 +67,10 @@ pub struct DeepScreenSpacePlugin;
 
 impl Plugin for DeepScreenSpacePlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<RayTracingStatus>()
-            .add_plugins(SyncComponentPlugin::<RayTracedAmbientOcclusion>::default());
+        app.init_resource::<RayTracingStatus>().add_plugins((
+            SyncComponentPlugin::<RayTracedAmbientOcclusion>::default(),
+            OccludingMaterialPlugin::<StandardMaterial>::default(),
+        ));
     }
 
     // In `build` what renders may not be there yet.
@@ -80,14 +87,11 @@ impl Plugin for DeepScreenSpacePlugin {
         settings.extra_buffer_usages |= BufferUsages::STORAGE;
         render_app
             .insert_resource(status)
-            .init_resource::<geometry::Occluders>()
             .init_gpu_resource::<geometry::Triangles>()
             .init_gpu_resource::<scene::Scene>()
             .add_systems(RenderStartup, camera::forget_device)
-            .add_systems(
-                ExtractSchedule,
-                (camera::extract_cameras, geometry::extract_occluders),
-            )
+            .init_resource::<geometry::Occluders>()
+            .add_systems(ExtractSchedule, camera::extract_cameras)
             .add_systems(
                 Render,
                 (
@@ -115,5 +119,30 @@ impl Plugin for DeepScreenSpacePlugin {
                     .after(Core3dSystems::Prepass)
                     .before(Core3dSystems::MainPass),
             );
+    }
+}
+
+/// Has meshes of a further type of material occlude, beside those of Bevy's `StandardMaterial`: as that type's alpha mode and
+/// transmission say, and where the mesh has its vertices, whatever shaders do with them. Added beside [`DeepScreenSpacePlugin`].
+pub struct OccludingMaterialPlugin<M>(PhantomData<M>);
+
+impl<M> Default for OccludingMaterialPlugin<M> {
+    fn default() -> Self {
+        Self(PhantomData)
+    }
+}
+
+impl<M: Material> Plugin for OccludingMaterialPlugin<M> {
+    fn build(&self, _: &mut App) {}
+
+    fn finish(&self, app: &mut App) {
+        if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
+            render_app
+                .init_resource::<geometry::Occluders>()
+                .add_systems(
+                    ExtractSchedule,
+                    geometry::extract_occluders::<M>.after(camera::extract_cameras),
+                );
+        }
     }
 }

@@ -1,30 +1,35 @@
 //! What rays meet in a frame, shared by all cameras.
 
 use bevy::{
+    asset::AssetId,
     ecs::{
         query::With,
         resource::Resource,
         system::{Query, Res, ResMut},
     },
+    mesh::Mesh,
     render::{
         mesh::{RenderMesh, allocator::MeshAllocator},
         render_asset::RenderAssets,
         renderer::RenderContext,
     },
 };
-use deep_screen_space::{Geometry, Primitives, RayTracedScene, RayTracedSceneInput};
+use deep_screen_space::{
+    Camera, ChangedMeshes, Geometry, Primitives, RayTracedScene, RayTracedSceneInput,
+};
 use wgpu::{CommandEncoder, Device};
 
 use crate::{
     error::Error,
     geometry::Triangles,
-    view::{Occlusion, Seen, SeenItem},
+    settings::RayTracedAmbientOcclusion,
+    view::{Occlusion, Seen},
 };
 
 /// Meshes stay as they are built, and only their transforms are taken up each frame.
 pub const PRIMITIVES: Primitives = Primitives::Instances;
 
-/// What rays meet, once a camera asked for it.
+/// What rays meet, while there is a camera that asked for it.
 #[derive(Resource)]
 pub struct Scene {
     rays: Option<RayTracedScene>,
@@ -52,20 +57,22 @@ impl Scene {
         (device, encoder): (&Device, &mut CommandEncoder),
         triangles: &Triangles,
         (assets, allocator): (&RenderAssets<RenderMesh>, &MeshAllocator),
-        seen: &SeenItem<'_, '_>,
-    ) -> Result<(), Error> {
-        let camera = seen.camera()?;
-        let meshes = triangles.meshes(assets, allocator)?;
+        camera: &Camera,
+    ) -> Result<Vec<AssetId<Mesh>>, Error> {
+        let (assets, meshes) = triangles.meshes(assets, allocator)?;
         let rays = match &mut self.rays {
             Some(rays) => rays,
             none => none.insert(RayTracedScene::with_primitives(device, PRIMITIVES)?),
         };
-        let uploaded = triangles.uploaded();
+        let changed = triangles.changed(&assets);
         let input = RayTracedSceneInput {
-            changed: triangles.changed(&uploaded),
-            ..RayTracedSceneInput::new(Geometry { meshes: &meshes }, &camera)
+            changed: changed
+                .as_deref()
+                .map_or(ChangedMeshes::All, ChangedMeshes::Some),
+            ..RayTracedSceneInput::new(Geometry { meshes: &meshes }, camera)
         };
-        Ok(rays.record(device, encoder, &input)?)
+        rays.record(device, encoder, &input)?;
+        Ok(assets)
     }
 }
 
@@ -75,11 +82,15 @@ pub fn record_scene(
     mut triangles: ResMut<Triangles>,
     assets: Res<RenderAssets<RenderMesh>>,
     allocator: Res<MeshAllocator>,
-    cameras: Query<Seen, With<Occlusion>>,
+    cameras: Query<Seen, (With<Occlusion>, With<RayTracedAmbientOcclusion>)>,
+    passes: Query<(), With<Occlusion>>,
     mut context: RenderContext,
 ) {
-    // Positions become relative to the first camera's place.
-    let Some(seen) = cameras.iter().next() else {
+    if passes.is_empty() {
+        *scene = Scene::default();
+    }
+    // Positions become relative to the place of the first camera that has one: the others say why they have none.
+    let Some(camera) = cameras.iter().find_map(|seen| seen.camera().ok()) else {
         return;
     };
     let device = context.render_device().wgpu_device().clone();
@@ -87,9 +98,10 @@ pub fn record_scene(
         label: Some("deep-screen-space-bevy scene"),
     });
     let data = (&*assets, &*allocator);
-    scene.recorded = scene.record((&device, &mut encoder), &triangles, data, &seen);
-    triangles.note(scene.recorded.is_ok());
-    if scene.recorded.is_ok() {
+    let recorded = scene.record((&device, &mut encoder), &triangles, data, &camera);
+    if recorded.is_ok() {
         context.add_command_buffer(encoder.finish());
     }
+    scene.recorded = recorded.as_ref().map(|_| ()).map_err(Error::clone);
+    triangles.note(recorded.ok());
 }

@@ -21,8 +21,8 @@ pub struct RayTracedAmbientOcclusion {
     /// How many rays. Default [`Quality::Balanced`], 16 per pixel.
     pub quality: Quality,
     /// The mean of so many frames is shown, 1 or more; from then on it forgets exponentially. Each then has rays of its own, and
-    /// [`Quality::Fast`] is enough. What moves is followed where the camera has a `MotionVectorPrepass`; without, only the
-    /// camera's own movement is. Default 1, each frame for itself.
+    /// [`Quality::Fast`] is enough. What moves is followed where the camera has a `MotionVectorPrepass`, and no
+    /// `TemporalJitter`; else only the camera's own movement is. Default 1, each frame for itself.
     pub frames: u32,
 }
 

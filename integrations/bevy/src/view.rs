@@ -41,6 +41,11 @@ pub struct Seen {
 }
 
 impl SeenItem<'_, '_> {
+    /// Whether Bevy's motion vectors, which are without jitter, are not those of the picture.
+    fn is_jittered(&self) -> bool {
+        self.jitter.is_some()
+    }
+
     /// The camera, as Bevy's prepass draws with it.
     pub fn camera(&self) -> Result<Camera, Error> {
         let view = self.view;
@@ -77,6 +82,8 @@ impl SeenItem<'_, '_> {
 pub struct Occlusion {
     settings: RayTracedAmbientOcclusion,
     view: Result<RayTracedView, Error>,
+    /// Whether the next frame follows none.
+    is_first: bool,
     /// Where rays write, at the places of the prepass.
     target: Texture,
     /// What materials read, whose first pixel is the viewport's: the same, unless that lies elsewhere.
@@ -89,9 +96,15 @@ impl Occlusion {
         Self {
             settings,
             view: make(device, &settings, extent.format),
+            is_first: true,
             target,
             read,
         }
+    }
+
+    /// What moved meanwhile is not followed.
+    pub fn forget_frames(&mut self) {
+        self.is_first = true;
     }
 
     fn fits(&self, extent: Extent) -> bool {
@@ -124,6 +137,7 @@ impl Occlusion {
         textures: Option<&ViewPrepassTextures>,
     ) -> Result<(), Error> {
         let view = self.view.as_mut().map_err(|error| error.clone())?;
+        let camera = seen.camera()?;
         let scene = scene.recorded()?;
         let depth = textures.and_then(|textures| textures.depth.as_ref());
         let depth = depth.ok_or(Error::Prepass("DepthPrepass"))?;
@@ -133,16 +147,19 @@ impl Occlusion {
         let Some(scene) = scene else {
             return Ok(());
         };
-        let camera = seen.camera()?;
         let gbuffer = GBuffer {
             normal_encoding: NormalEncoding::Unsigned,
             ..GBuffer::new(&*depth.texture.texture, &*normal.texture.texture)
         };
         let input = RayTracedInput {
-            motion: motion.map(|motion| MotionVectors::uv(&*motion.texture.texture)),
+            reset: self.is_first,
+            motion: motion
+                .filter(|_| !seen.is_jittered())
+                .map(|motion| MotionVectors::uv(&*motion.texture.texture)),
             ..RayTracedInput::new(gbuffer, &camera, &*self.target)
         };
         view.record(device, encoder, scene, &input)?;
+        self.is_first = false;
         if self.read.texture.id() != self.target.id() {
             let Viewport { x, y, .. } = camera.viewport();
             let mut from = self.target.as_image_copy();
@@ -234,6 +251,9 @@ pub fn prepare_occlusion(
             depth_or_array_layers: 1,
         };
         let [x, y, width, height] = view.viewport.to_array();
+        if width == 0 || height == 0 {
+            continue;
+        }
         let extent = Extent {
             format: bevys
                 .screen_space_ambient_occlusion_texture

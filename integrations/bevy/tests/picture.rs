@@ -8,10 +8,10 @@ mod common;
 
 use bevy::{
     asset::RenderAssetUsages,
-    camera::{ScalingMode, Viewport},
+    camera::{ScalingMode, Viewport, primitives::Aabb},
     core_pipeline::{
         deferred::Opaque3dDeferred,
-        prepass::{DeferredPrepass, NormalPrepass},
+        prepass::{DeferredPrepass, MotionVectorPrepass, NormalPrepass},
         tonemapping::{DebandDither, Tonemapping},
     },
     light::NotShadowCaster,
@@ -20,14 +20,15 @@ use bevy::{
     pbr::ScreenSpaceAmbientOcclusion,
     prelude::*,
     render::{
-        RenderApp, mesh::allocator::MeshAllocatorSettings, render_phase::ViewBinnedRenderPhases,
+        RenderApp, camera::TemporalJitter, mesh::allocator::MeshAllocatorSettings,
+        render_phase::ViewBinnedRenderPhases, render_resource::AsBindGroup, renderer::RenderDevice,
         settings::WgpuLimits, view::Msaa,
     },
 };
 use common::Headless;
 use deep_screen_space_bevy::{
-    DeepScreenSpacePlugin, Error, RayTracedAmbientOcclusion, RayTracingStatus,
-    deep_screen_space::Quality,
+    DeepScreenSpacePlugin, Error, OccludingMaterialPlugin, RayTracedAmbientOcclusion,
+    RayTracingStatus, deep_screen_space::Quality,
 };
 use image::RgbImage;
 
@@ -65,6 +66,12 @@ fn compare(name: &str, picture: &RgbImage) {
     assert!(share <= 0.02, "{name}: {share} of the pixels are off");
 }
 
+/// A material of another type than Bevy's.
+#[derive(Asset, TypePath, AsBindGroup, Clone)]
+struct Other {}
+
+impl Material for Other {}
+
 /// A plane with a box and a ball on it.
 struct Stage {
     bevy: Headless,
@@ -75,8 +82,18 @@ struct Stage {
 impl Stage {
     fn new(limits: Option<WgpuLimits>) -> Self {
         let mut bevy = Headless::new(SIZE, limits, |app| {
-            app.add_plugins(DeepScreenSpacePlugin);
+            app.add_plugins((
+                DeepScreenSpacePlugin,
+                MaterialPlugin::<Other>::default(),
+                OccludingMaterialPlugin::<Other>::default(),
+            ));
         });
+        bevy.app
+            .add_systems(Last, |mut jitters: Query<&mut TemporalJitter>| {
+                for mut jitter in &mut jitters {
+                    jitter.offset *= -1.0;
+                }
+            });
         let target = bevy.target();
         let world = bevy.app.world_mut();
         let white = world
@@ -92,12 +109,24 @@ impl Stage {
                 .spawn((Mesh3d(mesh), MeshMaterial3d(white.clone()), place))
                 .id()
         };
+        // Of no vertices, for which Bevy keeps nothing.
+        let nothing = Mesh::new(
+            PrimitiveTopology::TriangleList,
+            RenderAssetUsages::default(),
+        );
+        let nothing = add(
+            nothing.with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, Vec::<[f32; 3]>::new()),
+            0.0,
+            0.0,
+            0.0,
+        );
         add(
             Plane3d::default().mesh().size(40.0, 40.0).build(),
             0.0,
             0.0,
             0.0,
         );
+        let cube = add(Cuboid::new(1.4, 1.4, 1.4).into(), -0.9, 0.7, 0.0);
         add(
             Sphere::new(0.7)
                 .mesh()
@@ -107,7 +136,8 @@ impl Stage {
             0.7,
             0.4,
         );
-        let cube = add(Cuboid::new(1.4, 1.4, 1.4).into(), -0.9, 0.7, 0.0);
+        // As the others have it, which it is then met before.
+        world.entity_mut(nothing).insert(Aabb::default());
         world.insert_resource(GlobalAmbientLight {
             brightness: 2500.0,
             ..default()
@@ -167,6 +197,16 @@ impl Stage {
             picture,
             self.world().resource::<RayTracingStatus>().of(camera),
         )
+    }
+
+    /// The library's and its own buffers and textures, by their labels.
+    fn allocations(&self) -> Vec<String> {
+        let device = self.bevy.app.world().resource::<RenderDevice>();
+        let report = device.wgpu_device().generate_allocator_report();
+        let all = report.expect("Vulkan has one").allocations.into_iter();
+        all.map(|allocation| allocation.name)
+            .filter(|name| name.starts_with("deep-screen-space"))
+            .collect()
     }
 
     /// The grey of the ground at a point of it.
@@ -238,6 +278,32 @@ fn pictures_with_and_without() {
     stage.world().entity_mut(cube).remove::<NotShadowCaster>();
     stage.give(cube, Transform::from_xyz(-0.9, 0.7, 0.0));
 
+    // What Bevy does not draw hides nothing: a mesh without a material, or with one that is not loaded. A material of another
+    // type does, as its plugin was added.
+    let mesh = |stage: &mut Stage| {
+        let cube = stage.world().entity(cube);
+        cube.get::<Mesh3d>().expect("a mesh").clone()
+    };
+    let beside = (mesh(&mut stage), Transform::from_xyz(4.0, 0.7, 2.6));
+    let collider = stage.world().spawn(beside).id();
+    let (bare, _) = stage.picture();
+    assert_eq!(share_beyond(&bare, &with, 0), 0.0);
+    let unloaded = stage.world().resource::<Assets<StandardMaterial>>();
+    let unloaded = MeshMaterial3d(unloaded.reserve_handle());
+    stage.give(collider, unloaded);
+    let (unloaded, _) = stage.picture();
+    assert_eq!(share_beyond(&unloaded, &with, 0), 0.0);
+    stage
+        .world()
+        .entity_mut(collider)
+        .remove::<MeshMaterial3d<StandardMaterial>>();
+    let other = stage.world().resource_mut::<Assets<Other>>().add(Other {});
+    stage.give(collider, MeshMaterial3d(other));
+    let (other, _) = stage.picture();
+    let [dark, open] = [&other, &hidden].map(|p| stage.ground(p, 2.5, 2.6));
+    assert!(dark < open - 5, "{dark} in place of {open} beside the box");
+    stage.world().despawn(collider);
+
     // Vertices that change are seen as they are: a box of no height hides nothing.
     let mesh = stage
         .world()
@@ -269,6 +335,12 @@ fn pictures_with_and_without() {
     );
     // The occlusion is 1 everywhere, by which Bevy multiplies: a rounding at most.
     assert_eq!(share_beyond(&refused, &without, 2), 0.0);
+    // What the error says to do is enough.
+    stage.give(cube, NotShadowCaster);
+    let (cured, status) = stage.picture();
+    assert_eq!(status, Some(Ok(())));
+    assert!(stage.ground(&cured, contact.0, contact.1) > light - 10);
+    stage.world().entity_mut(cube).remove::<NotShadowCaster>();
     change(&mut stage, &tall);
     let (back, status) = stage.picture();
     assert_eq!(status, Some(Ok(())));
@@ -281,12 +353,21 @@ fn pictures_with_and_without() {
     )
     .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, vec![[0.0, -1.0, 0.0]; 3]);
     let strip = stage.world().resource_mut::<Assets<Mesh>>().add(strip);
-    let strip = stage.world().spawn(Mesh3d(strip)).id();
+    let material = stage
+        .world()
+        .entity(cube)
+        .get::<MeshMaterial3d<StandardMaterial>>()
+        .expect("a material")
+        .clone();
+    let strip = stage.world().spawn((Mesh3d(strip), material)).id();
     let (_, status) = stage.picture();
     assert!(
         matches!(status, Some(Err(Error::Topology { .. }))),
         "{status:?}"
     );
+    stage.give(strip, NotShadowCaster);
+    let (_, status) = stage.picture();
+    assert_eq!(status, Some(Ok(())));
     stage.world().despawn(strip);
 
     // A camera without normals, with several samples, or Bevy's own occlusion, and settings out of range: drawn on, without.
@@ -317,6 +398,23 @@ fn pictures_with_and_without() {
 
     // With settings that are again in range the picture is the same again.
     stage.give(camera, OCCLUSION);
+    let (back, status) = stage.picture();
+    assert_eq!(status, Some(Ok(())));
+    assert_eq!(share_beyond(&back, &with, 0), 0.0);
+
+    // A camera that pauses keeps its passes and textures, and is drawn with them at once.
+    let active = |stage: &mut Stage, is_active| {
+        let mut camera = stage.world().entity_mut(camera);
+        camera.get_mut::<Camera>().expect("a camera").is_active = is_active;
+    };
+    active(&mut stage, false);
+    stage.picture();
+    let kept = stage.allocations();
+    assert!(
+        kept.iter().any(|name| name.ends_with("bounced z-buffer")),
+        "{kept:?}"
+    );
+    active(&mut stage, true);
     let (back, status) = stage.picture();
     assert_eq!(status, Some(Ok(())));
     assert_eq!(share_beyond(&back, &with, 0), 0.0);
@@ -377,6 +475,35 @@ fn pictures_with_and_without() {
     let joined = off_by(&with_rays(Quality::Fast, 32), &truth);
     assert!(joined < 0.8 * one, "{joined} in place of {one}");
 
+    // Nor does jitter smear them, which Bevy's motion vectors are without.
+    let mut jittered = |with_motion: bool| {
+        stage
+            .world()
+            .entity_mut(camera)
+            .remove::<(RayTracedAmbientOcclusion, TemporalJitter)>();
+        stage.picture();
+        if with_motion {
+            stage.give(camera, MotionVectorPrepass);
+        }
+        let frames = RayTracedAmbientOcclusion {
+            quality: Quality::Fast,
+            frames: 32,
+            ..OCCLUSION
+        };
+        let offset = Vec2::splat(0.5);
+        stage.give(camera, (frames, TemporalJitter { offset }));
+        let (picture, status) = stage.picture();
+        assert_eq!(status, Some(Ok(())));
+        picture
+    };
+    let [without_motion, with_motion] = [false, true].map(&mut jittered);
+    assert_eq!(share_beyond(&with_motion, &without_motion, 0), 0.0);
+    stage
+        .world()
+        .entity_mut(camera)
+        .remove::<(TemporalJitter, MotionVectorPrepass)>();
+    stage.give(camera, OCCLUSION);
+
     // Light of lamps is no ambient light.
     stage.world().insert_resource(GlobalAmbientLight::NONE);
     stage.world().spawn(common::sun(5000.0));
@@ -389,7 +516,34 @@ fn pictures_with_and_without() {
     let (lit_without, status) = stage.picture();
     assert_eq!(status, None);
     assert_eq!(share_beyond(&lit, &lit_without, 0), 0.0);
+    // Nothing is kept without cameras but the texture, which Bevy's own bind groups hold.
+    assert_eq!(stage.allocations(), ["deep-screen-space-bevy occlusion"]);
     assert!(stage.ground(&lit, 0.0, 2.9) > 20);
+}
+
+/// A camera that the library refuses, met before the other, is drawn without, and the other with.
+#[test]
+fn a_camera_that_is_refused_beside_another() {
+    let mut stage = Stage::new(None);
+    let (camera, target) = (stage.camera, stage.bevy.target());
+    let first = Camera {
+        order: -1,
+        ..default()
+    };
+    let camera3d = (Camera3d::default(), Msaa::Off, first, target, OCCLUSION);
+    let flat = PerspectiveProjection {
+        near: 0.0,
+        ..default()
+    };
+    let refused = stage.world().spawn((camera3d, Projection::from(flat)));
+    let refused = refused.id();
+    stage.picture();
+    stage.give(camera, OCCLUSION);
+    let (with, status) = stage.picture();
+    assert_eq!(status, Some(Ok(())));
+    compare("with", &with);
+    let status = stage.world().resource::<RayTracingStatus>().of(refused);
+    assert!(matches!(status, Some(Err(Error::Library(_)))), "{status:?}");
 }
 
 #[test]
