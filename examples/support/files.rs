@@ -62,7 +62,7 @@ fn size_of(path: &Path) -> Result<[usize; 2], String> {
         let head = exr::meta::MetaData::read_from_file(path, false).map_err(|e| problem(&e))?;
         // The most of any layer: which one is read the reader decides.
         let sizes = head.headers.iter().map(|layer| layer.layer_size);
-        let largest = sizes.reduce(|a, b| a.max(b)).unwrap_or_default();
+        let largest = sizes.reduce(exr::math::Vec2::max).unwrap_or_default();
         return Ok([largest.width(), largest.height()]);
     }
     let reader = image::ImageReader::open(path).map_err(|e| problem(&e))?;
