@@ -9,6 +9,7 @@
 //!
 //! * [`GBufferDecoder`]: the caller's G-buffer, decoded once per frame and view into the [`Frame`] that passes start from.
 //! * [`Surfelizer`]: the caller's triangles become a [`SurfelCloud`], finer near the camera than far from it.
+//! * [`SurfelHoles`]: surfels of alpha-tested triangles, foliage and fences, made as large as what is there of them.
 //! * [`SurfelShader`]: what each surfel sends of the caller's [`Light`]s, for effects that bounce light.
 //! * [`SurfelGatherer`]: what surfels send of the light that others send them, for light that bounces more than once.
 //! * [`EnvironmentBuilder`]: a caller's sky, as rays that meet nothing bring it.

@@ -39,7 +39,7 @@ use support::{
     gltf::{Loaded, load_gltf},
     gpu::{Ask, Gpu},
     near::Effect,
-    presets, sky,
+    presets,
 };
 use view::Shot;
 
@@ -243,7 +243,7 @@ pub(crate) fn draw(gpu: &Gpu, options: &Options, scene: &Scene, shot: &Shot) -> 
     let mut stats = rendered.stats(gpu, options, shot, radius);
     let off = options
         .reference
-        .map(|rays| compare(options, scene, shot, &rendered.pixels, radius, rays))
+        .map(|rays| compare(options, scene, shot, &rendered, radius, rays))
         .transpose()?;
     stats["reference"] = json!(off);
     let text = serde_json::to_string_pretty(&stats).map_err(|e| e.to_string())?;
@@ -358,26 +358,25 @@ fn report_angles(truth: &[Option<BentEstimate>], pixels: &[[f32; 3]]) {
     }
 }
 
-/// The truth of each pixel; for ambient occlusion in all channels. Of bent normals it says how far off `pixels` are.
+/// The truth of each pixel; for ambient occlusion in all channels. Of bent normals it says how far off `rendered` is.
 fn truth(
     options: &Options,
     scene: &Scene,
-    (shot, pixels): (&Shot, &[[f32; 3]]),
+    (shot, rendered): (&Shot, &Rendered),
     radius: f32,
     rays: u32,
 ) -> Result<Vec<Option<ColorEstimate>>, String> {
     let tracer = Tracer::of_scene(scene).map_err(|e| e.to_string())?;
     let receivers: Vec<Option<Receiver>> = shot.receivers(scene, &tracer);
     let reach = f64::from(radius);
+    if let Some(sky) = &rendered.sky {
+        let cells = Cells::new(sky.clone(), DQuat::IDENTITY);
+        return Ok(tracer.environment_image(&receivers, &cells, (reach, rays), 1, true));
+    }
     match options.effect.as_str() {
-        "do" => {
-            let shown = sky::open(&options.sky, u32::MAX)?;
-            let cells = Cells::new(shown, DQuat::IDENTITY);
-            Ok(tracer.environment_image(&receivers, &cells, (reach, rays), 1, true))
-        }
         "bent" => {
             let truth = tracer.bent_normal_image(&receivers, reach, rays, 1, true);
-            report_angles(&truth, pixels);
+            report_angles(&truth, &rendered.pixels);
             let bent = |e: BentEstimate| ColorEstimate {
                 mean: e.mean.normalize_or_zero(),
                 standard_error: DVec3::ZERO,
@@ -438,11 +437,12 @@ fn compare(
     options: &Options,
     scene: &Scene,
     shot: &Shot,
-    pixels: &[[f32; 3]],
+    rendered: &Rendered,
     radius: f32,
     rays: u32,
 ) -> Result<Off, String> {
-    let truth = truth(options, scene, (shot, pixels), radius, rays)?;
+    let truth = truth(options, scene, (shot, rendered), radius, rays)?;
+    let pixels = &rendered.pixels[..];
     let (mut squares, mut noise, mut bias, mut mean) = (0.0, 0.0, 0.0, 0.0);
     let mut count = 0_u32;
     let empty = if options.colors() { [0.0; 3] } else { [1.0; 3] };

@@ -32,6 +32,8 @@ pub struct Rendered {
     pub passes: Vec<(&'static str, f64)>,
     pub memory_bytes: u64,
     pub settings: Value,
+    /// The sky that it is under, for the effect that is of one.
+    pub sky: Option<Picture>,
 }
 
 impl Rendered {
@@ -231,6 +233,7 @@ pub fn splat_of(
         memory_bytes: renderer.memory_bytes(),
         passes: rendered.passes,
         settings,
+        sky: shown,
     })
 }
 
@@ -395,5 +398,6 @@ pub fn bounced(
             "normal_power": preset.reconstructor.normal_power,
             "variance_clamp": preset.reconstructor.variance_clamp,
         }),
+        sky: shown,
     })
 }

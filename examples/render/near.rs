@@ -37,6 +37,7 @@ fn rendered(
         passes,
         memory_bytes: 0,
         settings,
+        sky: None,
     }
 }
 

@@ -1,6 +1,6 @@
 //! Image files: EXR for measuring, PNG for looking.
 
-use std::path::Path;
+use std::{fmt::Display, path::Path};
 
 /// Channels of one size as f32, rows from the top.
 fn write_channels(
@@ -50,13 +50,40 @@ pub fn write_png(path: &Path, width: u32, height: u32, values: &[f32]) -> Result
         .map_err(|e| format!("{}: {e}", path.display()))
 }
 
-/// Columns and rows, and texels from the top: of an EXR or HDR file as they are, of others, which hold sRGB, in linear light.
-pub fn read_radiance(path: &Path) -> Result<([usize; 2], Vec<[f32; 3]>), String> {
-    let problem = |e: &dyn std::fmt::Display| format!("{}: {e}", path.display());
-    if path
-        .extension()
+fn is_exr(path: &Path) -> bool {
+    path.extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("exr"))
+}
+
+/// Columns and rows that a file says it has, before anything is made of that size.
+fn size_of(path: &Path) -> Result<[usize; 2], String> {
+    let problem = |e: &dyn Display| format!("{}: {e}", path.display());
+    if is_exr(path) {
+        let head = exr::meta::MetaData::read_from_file(path, false).map_err(|e| problem(&e))?;
+        // The most of any layer: which one is read the reader decides.
+        let sizes = head.headers.iter().map(|layer| layer.layer_size);
+        let largest = sizes.reduce(exr::math::Vec2::max).unwrap_or_default();
+        return Ok([largest.width(), largest.height()]);
+    }
+    let reader = image::ImageReader::open(path).map_err(|e| problem(&e))?;
+    let (width, height) = reader.into_dimensions().map_err(|e| problem(&e))?;
+    Ok([width, height].map(|n| n as usize))
+}
+
+/// Columns and rows, 1 to `most` of each, and texels from the top: of an EXR or HDR file as they are, of others, which hold
+/// sRGB, in linear light.
+pub fn read_radiance(path: &Path, most: u32) -> Result<([usize; 2], Vec<[f32; 3]>), String> {
+    let problem = |e: &dyn Display| format!("{}: {e}", path.display());
+    let [width, height] = size_of(path)?;
+    if [width, height]
+        .iter()
+        .any(|n| !(1..=most as usize).contains(n))
     {
+        return Err(problem(&format_args!(
+            "{width}x{height} texels, where 1x1 to {most}x{most} can be read"
+        )));
+    }
+    if is_exr(path) {
         use exr::prelude::*;
         let image = read_first_rgba_layer_from_file(
             path,

@@ -47,13 +47,15 @@ pub fn open(name: &str, most: u32) -> Result<Picture, String> {
     if let Some(picture) = by_name(name) {
         return Ok(picture);
     }
-    let (size, texels) = files::read_radiance(Path::new(name))?;
-    if size.iter().any(|&n| n > most as usize) {
-        let [width, height] = size;
+    let path = Path::new(name);
+    // A file's format is told by its ending.
+    if path.extension().is_none() {
+        let names = NAMES.join(" nor ");
         return Err(format!(
-            "{name}: {width}x{height} texels, and this device reads {most}x{most}"
+            "{name} is neither {names} nor a file with the ending of an EXR, HDR, PNG or JPEG"
         ));
     }
+    let (size, texels) = files::read_radiance(path, most)?;
     let texels = texels.iter().map(|t| Vec3::from_array(*t).as_dvec3());
     Ok(Picture {
         size,

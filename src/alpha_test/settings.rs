@@ -114,8 +114,9 @@ pub struct AlphaTest<'a> {
     pub wrap: [AlphaWrap; 2],
 }
 
-/// The holes of a scene's triangles, for [`Primitives::AlphaTested`](crate::Primitives::AlphaTested) and
-/// [`Primitives::AlphaTestedInstances`](crate::Primitives::AlphaTestedInstances).
+/// The holes of a scene's triangles: for rays, with [`Primitives::AlphaTested`](crate::Primitives::AlphaTested) and
+/// [`Primitives::AlphaTestedInstances`](crate::Primitives::AlphaTestedInstances), and for the surfels of splats, by
+/// [`SurfelHoles`](crate::SurfelHoles).
 #[derive(Clone, Copy, Debug)]
 pub struct AlphaTests<'a> {
     /// An array of pictures of one size, one per [layer](AlphaTest::layer) from the slice's own layer on; the slice's mip level

@@ -59,7 +59,8 @@ fn what_cannot_be_read_is_one_line() {
     std::fs::write(&text, "no picture").expect("a file");
     for (sky, why) in [
         ("missing.exr", "missing.exr"),
-        ("cloudy", "cloudy"),
+        ("missing.hdr", "missing.hdr"),
+        ("sunnny", "sunnny is neither sunny nor dim"),
         (text.to_str().expect("a path"), "text.png"),
     ] {
         let problem = render("refused", &format!("{VIEW} --sky {sky}"))
@@ -70,7 +71,37 @@ fn what_cannot_be_read_is_one_line() {
             "{problem}"
         );
     }
-    let file = file("wide.exr", [16, 2], &[[1.0; 3]; 32]);
-    let problem = sky::open(&file, 8).expect_err("too many columns");
-    assert!(problem.contains("16x2 texels"), "{problem}");
+}
+
+/// Nothing is decoded of pictures without texels, or with more than fit.
+#[test]
+fn sizes_that_cannot_be_are_refused() {
+    for name in ["wide.exr", "wide.hdr", "wide.png"] {
+        let file = file(name, [16, 2], &[[1.0; 3]; 32]);
+        let problem = sky::open(&file, 8).expect_err("too many columns");
+        assert!(problem.contains("16x2 texels"), "{problem}");
+        sky::open(&file, 16).expect(name);
+    }
+    let empty = folder("skies").join("empty.hdr");
+    let head = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 0 +X 0\n";
+    std::fs::write(&empty, head).expect("a file");
+    let problem = sky::open(empty.to_str().expect("a path"), 8).expect_err("no texels");
+    assert!(problem.contains("0x0 texels"), "{problem}");
+}
+
+/// An EXR's head is not trusted: room for what this one says it has is more than there is.
+#[test]
+fn a_head_makes_no_room() {
+    let file = file("huge.exr", [4, 2], &[[1.0; 3]; 8]);
+    let mut bytes = std::fs::read(&file).expect("the file");
+    let name = b"dataWindow\0box2i\0";
+    let at = bytes.windows(name.len()).position(|w| w == name);
+    // After the name and the length: the least column and row, and the greatest.
+    let greatest = at.expect("a data window") + name.len() + 4 + 8;
+    for corner in [greatest, greatest + 4] {
+        bytes[corner..corner + 4].copy_from_slice(&((1_i32 << 29) - 1).to_le_bytes());
+    }
+    std::fs::write(&file, bytes).expect("a file");
+    let problem = sky::open(&file, 16384).expect_err("too many texels");
+    assert!(problem.contains("536870912x536870912 texels"), "{problem}");
 }
