@@ -20,7 +20,7 @@ const FINE: f64 = 65_536.0;
 const KEY: u32 = 64;
 const MOST_SIZES: f64 = 1e12;
 const LEAST_SEEN: f64 = 1e-10;
-const AIM: f64 = 1e-4;
+const AIM: f64 = 2e-5;
 
 fn material_of<'a>(piece: &Piece, materials: &'a [Material]) -> &'a Material {
     &materials[(piece.material as usize).min(materials.len() - 1)]
