@@ -12,3 +12,4 @@ mod near_field;
 mod odd_cameras;
 mod ray_traced;
 mod truth;
+mod unused;

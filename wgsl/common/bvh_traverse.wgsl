@@ -23,6 +23,8 @@ struct Entered {
   // A bit a child that is a node, and the first one's index.
   inner: u32,
   first_node: u32,
+  // Children before the first leaf.
+  nodes: u32,
   // Two bits per leaf: those of triangles that there are, and of these those in leaves that the ray enters.
   present: u32,
   triangles: u32,
@@ -50,7 +52,9 @@ fn enter4(near: vec3u, far: vec3u, scale: vec3f, shift: vec3f, pad: vec3f, t_max
   let z1 = bytes_of(far.z) * scale.z + last.z;
   let enter = max(max(x0, y0), max(z0, vec4f(0.0)));
   let leave = min(min(x1, y1), z1) * (1.0 + SLAB_TOLERANCE);
-  return select(vec4f(FAR), enter, enter * (1.0 - SLAB_TOLERANCE) <= min(leave, vec4f(t_max)));
+  // No later than the ray enters, rounding included, so that of hits at one distance none is missed.
+  let entered = enter * (1.0 - SLAB_TOLERANCE);
+  return select(vec4f(FAR), entered, entered <= min(leave, vec4f(t_max)));
 }
 
 fn bits_of(entered: vec4<bool>) -> u32 {
@@ -94,7 +98,7 @@ fn visit_node(ray: Ray, node: u32, t_max: f32) -> Entered {
   let inner = (head.w >> 24u) & 15u;
   let size = inner + (head.w >> 28u);
   let bits = (bits_of(t0 < vec4f(FAR)) | (bits_of(t1 < vec4f(FAR)) << 4u)) & ((1u << size) - 1u);
-  return Entered(bits & ((1u << inner) - 1u), links.x, links.z, twice(bits >> inner) & links.z, links.y, t0, t1);
+  return Entered(bits & ((1u << inner) - 1u), links.x, inner, links.z, twice(bits >> inner) & links.z, links.y, t0, t1);
 }
 
 #if TWO_LEVELS
@@ -245,6 +249,12 @@ fn triangle_of(entered: Entered, bit: u32) -> u32 {
   return entered.first_triangle + countOneBits(entered.present & ((1u << bit) - 1u));
 }
 
+// A bit per triangle whose leaf the ray enters no later than at t.
+fn triangles_before(entered: Entered, t: f32) -> u32 {
+  let before = bits_of(entered.t0 <= vec4f(t)) | (bits_of(entered.t1 <= vec4f(t)) << 4u);
+  return twice(before >> entered.nodes);
+}
+
 // Where the ray meets a triangle closer than t_max, which need not be the nearest one, or FAR where it meets none. Of a node's
 // children it goes first into those that are most likely to stop it.
 fn trace_any(ray: Ray, t_max: f32) -> f32 {
@@ -319,20 +329,20 @@ fn trace_any(ray: Ray, t_max: f32) -> f32 {
   return found;
 }
 
-// A distance as a byte that is not larger and has its order: 3 bits after the first and an exponent of 2^-16 to 2^15, which is
-// for scenes of any usual unit; beyond it a bound says less, but nothing wrong.
-const LEAST_DISTANCE: u32 = (127u - 16u) << 3u;
+// A distance in ten bits that is not larger and has its order: 5 bits after the first and an exponent of 2^-16 to 2^15, which
+// is for scenes of any usual unit; beyond it a bound says less, but nothing wrong.
+const LEAST_DISTANCE: u32 = (127u - 16u) << 5u;
 
-fn distance_bytes(bits: vec4u) -> vec4u {
-  return min(max(bits >> vec4u(20u), vec4u(LEAST_DISTANCE)) - LEAST_DISTANCE, vec4u(255u));
+fn distance_bits(bits: vec4u) -> vec4u {
+  return min(max(bits >> vec4u(18u), vec4u(LEAST_DISTANCE)) - LEAST_DISTANCE, vec4u(1023u));
 }
 
-fn distance_of(byte: u32) -> f32 {
-  return select(bitcast<f32>((byte + LEAST_DISTANCE) << 20u), 0.0, byte == 0u);
+fn distance_of(bits: u32) -> f32 {
+  return select(bitcast<f32>((bits + LEAST_DISTANCE) << 18u), 0.0, bits == 0u);
 }
 
-// The children that a ray enters, in the order in which it does: three bits each from the lowest on, and bounds of the first
-// four's distances, a byte each.
+// The children that a ray enters, in the order in which it does: three bits each from the lowest on, and above them eight bits
+// of the fourth one's distance; and bounds of the first three's distances, ten bits each.
 fn order_of(entered: Entered) -> vec2u {
   let is_0 = (vec4u(entered.inner) & vec4u(1u, 2u, 4u, 8u)) != vec4u(0u);
   let is_1 = (vec4u(entered.inner) & vec4u(16u, 32u, 64u, 128u)) != vec4u(0u);
@@ -360,11 +370,11 @@ fn order_of(entered: Entered) -> vec2u {
   let right = vec3u(a.z, b.xz);
   let low = min(left, right);
   let high = max(left, right);
-  let bounds = distance_bytes(vec4u(a.x, low.x, high.x, low.y)) << vec4u(0u, 8u, 16u, 24u);
+  let bounds = (distance_bits(vec4u(a.x, low.x, high.x, low.y)) >> vec4u(0u, 0u, 0u, 2u)) << vec4u(0u, 10u, 20u, 24u);
   let first = (vec4u(a.x, low.x, high.x, low.y) & vec4u(7u)) << vec4u(0u, 3u, 6u, 9u);
   let last = (vec4u(high.y, low.z, high.z, b.w) & vec4u(7u)) << vec4u(12u, 15u, 18u, 21u);
   let order = first | last;
-  return vec2u((order.x | order.y) | (order.z | order.w), (bounds.x | bounds.y) | (bounds.z | bounds.w));
+  return vec2u((order.x | order.y) | (order.z | order.w) | bounds.w, bounds.x | bounds.y | bounds.z);
 }
 
 // The nearest hit closer than t_max; of two at the same distance that of the primitive with the lower index.
@@ -387,9 +397,10 @@ fn trace_nearest(ray: Ray, t_max: f32) -> Hit {
     // Down to the next leaves.
     while entered.triangles == 0u && (open.x & 0xffu) != 0u {
       var node = (open.x >> 8u) + (open.y & 7u);
-      let is_near = distance_of(open.z & 0xffu) <= best.t;
+      let is_near = distance_of(open.z & 0x3ffu) <= best.t;
       // The fourth one's bound is one of those after it too.
-      open = vec3u(open.x - 1u, open.y >> 3u, (open.z >> 8u) | (open.z & 0xff000000u));
+      let fourth = open.y & 0xff000000u;
+      open = vec3u(open.x - 1u, ((open.y & 0xffffffu) >> 3u) | fourth, (open.z >> 10u) | ((fourth >> 24u) << 22u));
       if is_near {
 #if TWO_LEVELS
         if above {
@@ -447,10 +458,12 @@ fn trace_nearest(ray: Ray, t_max: f32) -> Hit {
 #if ALPHA_TESTED
       if (hit.t < best.t || before) && is_there(hit) {
         best = hit;
+        entered.triangles &= triangles_before(entered, best.t);
       }
 #else
       if hit.t < best.t || before {
         best = hit;
+        entered.triangles &= triangles_before(entered, best.t);
       }
 #endif
     }
