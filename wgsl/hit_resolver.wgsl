@@ -234,8 +234,11 @@ fn mirrored_deferred(lobe: Lobe, other: Lobe, drawn: GlossyDirection, value: vec
 // What a hit within a pixel's side adds to its nearness (wgsl/bounced_z_buffer.wgsl).
 const NEAREST: f32 = 16777216.0;
 
+// Beyond this, noise is not told apart: squares of what is brighter, and their sums, would leave the range of f32.
+const MOST_LUMINANCE: f32 = 1e16;
+
 fn luminance(color: vec3f) -> f32 {
-  return dot(color, vec3f(0.2126, 0.7152, 0.0722));
+  return min(dot(color, vec3f(0.2126, 0.7152, 0.0722)), MOST_LUMINANCE);
 }
 
 #if AVERAGE

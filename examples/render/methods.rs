@@ -312,10 +312,11 @@ pub fn bounced(
         let rays = if glossy { rays.for_glossy() } else { rays };
         let set = rays.rays_per_pixel;
         match options.emitter_samples {
+            Some(0) => rays,
             Some(aimed) => RaySettings {
                 rays_per_pixel: set.saturating_sub(aimed).max(1),
                 emitter_samples: aimed,
-                ..rays
+                ..rays.for_emitters()
             },
             None if options.light() && is_emissive(scene) => rays.for_emitters(),
             None => rays,

@@ -110,7 +110,7 @@ pub struct BouncedSettings {
     /// a power of two it is stratified best. Default 0.
     pub frame: u32,
     /// Radiance that comes from where nothing is hit, linear RGB, W/(m² sr), each 0…1e18; of use with
-    /// [`Payload::Radiance`](crate::Payload::Radiance) alone. Default black.
+    /// payloads of radiance, but for [`Payload::Sky`](crate::Payload::Sky), whose environment it is. Default black.
     pub sky_radiance: [f32; 3],
     /// The share of a pixel's rays that go where an environment is bright, 0…1, rounded down to whole rays, of which one at least
     /// goes by the cosine; of use with [`BouncedDescriptor::environment`](crate::BouncedDescriptor::environment) and
@@ -123,6 +123,8 @@ pub struct BouncedSettings {
 
 /// The most directions.
 pub(crate) const MAX_RAYS_PER_PIXEL: u32 = 64;
+/// The last set of directions.
+pub(crate) const MAX_FRAME: u32 = 1 << 20;
 
 impl Default for BouncedSettings {
     fn default() -> Self {
@@ -156,7 +158,7 @@ impl BouncedSettings {
             "0 to infinity",
         )?;
         check_setting(
-            self.frame <= 1 << 20,
+            self.frame <= MAX_FRAME,
             "BouncedSettings::frame",
             self.frame,
             "0 to 2^20",

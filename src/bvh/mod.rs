@@ -53,9 +53,9 @@ pub enum Primitives {
     /// builder makes: exact.
     Instances,
     /// [`Primitives::Triangles`], of which some have holes where a texture of the caller's has little alpha ([`AlphaTests`]):
-    /// foliage, fences. Rays pass the holes, those for shadows too. Surfels know nothing of holes: they are those of whole
-    /// triangles, in splats and where light is gathered. Triangles without holes cost what they do otherwise, but for 64 bytes
-    /// more each and a branch.
+    /// foliage, fences. Rays pass the holes, those for shadows too. Surfels are those of whole triangles
+    /// where light is gathered, and in splats unless [`SurfelHoles`](crate::SurfelHoles) are recorded. Triangles without holes
+    /// cost what they do otherwise, but for 64 bytes more each and a branch.
     AlphaTested,
     /// [`Primitives::Instances`], of which some have holes.
     AlphaTestedInstances,

@@ -43,7 +43,7 @@ pub struct HitResolverSettings {
     pub frames: f32,
     /// Reflectance of glossy receivers seen straight on, linear RGB, 0…1 (Schlick, *An Inexpensive BRDF Model for
     /// Physically-based Rendering*, 1994); of use with [`Sampling::Glossy`](crate::Sampling::Glossy) and
-    /// [`Payload::Radiance`](crate::Payload::Radiance) alone. Default 0.04, that of glass and most plastics; metals have
+    /// payloads of radiance. Default 0.04, that of glass and most plastics; metals have
     /// their colour.
     pub f0: [f32; 3],
 }

@@ -3,7 +3,10 @@
 use wgpu::{Buffer, CommandEncoder, Device};
 
 use crate::{
-    bounced_z_buffer::descriptor::{HitLighting, MAX_EMITTER_SAMPLES},
+    bounced_z_buffer::{
+        descriptor::{HitLighting, MAX_EMITTER_SAMPLES},
+        settings::MAX_FRAME,
+    },
     bvh::{Bvh, Primitives},
     emitters::Emitters,
     error::{Error, check_setting},
@@ -26,8 +29,9 @@ pub enum Bounces {
     /// One recording per frame, of what the surfels of the last frame sent: two bounces in the first frame, and one more in each
     /// that follows. Light takes as many frames to come, and after it was switched off to go
     /// ([`BounceSettings::frames_until`]). Rays from surfels meet the last frame's triangles, so that things that move get
-    /// further bounces as they were then. The last frame's triangles, their hierarchy and the surfels' light are kept: twice the
-    /// memory.
+    /// further bounces as they were then. In the frame in which materials begin to emit otherwise, rays that are aimed at
+    /// emitters and rays by chance do not agree on how they share the last frame's light. The last frame's triangles, their
+    /// hierarchy and the surfels' light are kept: twice the memory.
     OverFrames,
 }
 
@@ -42,7 +46,7 @@ pub struct BounceSettings {
     pub radius_pixels: f32,
     /// At how many points of a surfel lights are looked up, as [`SurfelShaderSettings::samples`]. Default 4.
     pub samples: u32,
-    /// Rays from surfels.
+    /// Rays from surfels. [`RayTracedSceneInput::frame`](crate::RayTracedSceneInput::frame) is added to its frame.
     pub gatherer: SurfelGathererSettings,
 }
 
@@ -223,7 +227,7 @@ impl BouncePasses {
         encoder: &mut CommandEncoder,
         (cloud, bvh, emitters, lights): (&SurfelCloud, &Bvh, Option<&Emitters>, &mut SurfelLights),
         before: Option<Lit<'_>>,
-        lighting: &HitLighting<'_>,
+        (lighting, frame): (&HitLighting<'_>, u32),
     ) -> Result<(), Error> {
         lights.last = None;
         let SurfelLights { sent, gathered, .. } = &*lights;
@@ -266,8 +270,11 @@ impl BouncePasses {
                 emitters: emitters.filter(|_| self.aims()),
                 ..SurfelGathererInput::new(senders, lighting.materials, to)
             };
-            let settings = &self.settings.gatherer;
-            self.gatherer.record(device, encoder, &input, settings)?;
+            let settings = SurfelGathererSettings {
+                frame: (self.settings.gatherer.frame + frame) % (MAX_FRAME + 1),
+                ..self.settings.gatherer
+            };
+            self.gatherer.record(device, encoder, &input, &settings)?;
             if bounce + 1 < recordings {
                 self.gatherer.add(device, encoder, cloud, to, sent)?;
             }

@@ -8,7 +8,10 @@ use super::{
 };
 use crate::{
     alpha_test::settings::AlphaTests,
-    bounced_z_buffer::descriptor::{BouncedScene, HitLighting},
+    bounced_z_buffer::{
+        descriptor::{BouncedScene, HitLighting},
+        settings::MAX_FRAME,
+    },
     bvh::{AlphaTestedInput, Bvh, BvhBuilder, Primitives},
     camera::Camera,
     emitters::{Emitters, EmittersBuilder, EmittersInput},
@@ -91,6 +94,9 @@ pub struct RayTracedSceneInput<'a> {
     /// Which triangles have holes, for a scene made for [`Primitives::AlphaTested`] or [`Primitives::AlphaTestedInstances`]: none
     /// of them without.
     pub alpha_tests: Option<AlphaTests<'a>>,
+    /// Which set of directions its surfels take, 0…2²⁰, where light bounces more than once. Counted up from frame to frame, where
+    /// views join frames, their noise becomes less too; kept at 0 (default) it is the same in each frame.
+    pub frame: u32,
     /// Where to write begin and end times of making the triangles, if anywhere.
     pub timestamps: Option<Timestamps<'a>>,
 }
@@ -106,6 +112,7 @@ impl<'a> RayTracedSceneInput<'a> {
             changed: ChangedMeshes::None,
             lighting: None,
             alpha_tests: None,
+            frame: 0,
             timestamps: None,
         }
     }
@@ -231,8 +238,8 @@ impl RayTracedScene {
     /// What [`Surfelizer::record`] or [`InstancedBvhBuilder::record`] find of the geometry and the cameras, [`Light::validate`]
     /// of lights and [`AlphaTests::validate`] of holes; [`Error::Buffer`] for a table of materials that cannot be bound;
     /// [`Error::Mismatch`] for holes that the scene was not made for, and for surfels that aim without emitters;
-    /// [`Error::Setting`] for the reach; [`Error::Limit`] for more triangles than the device can bind. What was recorded before
-    /// stays, unless the room had to grow: then views refuse the scene until it is recorded.
+    /// [`Error::Setting`] for the reach and the frame; [`Error::Limit`] for more triangles than the device can
+    /// bind. What was recorded before stays, unless the room had to grow: then views refuse the scene until it is recorded.
     pub fn record(
         &mut self,
         device: &Device,
@@ -244,6 +251,12 @@ impl RayTracedScene {
             "RayTracedSceneInput::reach",
             input.reach,
             "0 to infinity",
+        )?;
+        check_setting(
+            input.frame <= MAX_FRAME,
+            "RayTracedSceneInput::frame",
+            input.frame,
+            "0 to 2^20",
         )?;
         for light in input.lighting.iter().flat_map(|lighting| lighting.lights) {
             light.validate()?;
@@ -361,6 +374,8 @@ fn record_instances(
     let geometry = &input.geometry;
     if !room.as_ref().is_some_and(|bvh| bvh.has_room(geometry)) {
         let instances = geometry.instances();
+        // The old goes before there is a new one.
+        *room = None;
         // A quarter more than there are, so that a scene which grows does not build all its meshes each frame.
         let ample = instances.saturating_add(instances / 4);
         let made = builder
@@ -497,7 +512,8 @@ impl OneLevel {
                 })
             });
             let room = (&*cloud, &*bvh, emitters.as_ref(), lights);
-            passes.record(device, encoder, room, before, lighting)?;
+            let lit = (lighting, input.frame);
+            passes.record(device, encoder, room, before, lit)?;
         }
         Ok(())
     }
@@ -522,6 +538,8 @@ impl OneLevel {
         let Some(capacity) = grown(had, asked, most) else {
             return Ok(());
         };
+        // The old goes before there is a new one.
+        self.room = None;
         let cloud = self.surfelizer.create_cloud(device, capacity)?;
         let bvh = self.builder.create(device, &cloud)?;
         let lights = self.bounces.as_ref();

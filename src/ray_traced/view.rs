@@ -10,7 +10,7 @@ use crate::{
     bounced_z_buffer::{
         BouncedInput, BouncedZBuffer,
         descriptor::{BouncedDescriptor, HitRadiance, Payload},
-        settings::{BouncedSettings, Sampling},
+        settings::{BouncedSettings, MAX_FRAME, Sampling},
         view::BouncedView,
     },
     bvh::Primitives,
@@ -188,7 +188,8 @@ impl<'a> RayTracedInput<'a> {
 /// the [`BouncedZBuffer`], the [`HitResolver`] and, where frames are joined, the [`TemporalAccumulator`], with the textures that
 /// they need.
 ///
-/// Textures are made by the first recording, and made anew where the camera's viewport has another size.
+/// Textures are made by the first recording, and made anew where the camera's viewport is another, with which frames that were
+/// joined are forgotten, or where [`RayTracedView::set_rays`] asks for more rays than before, with which they are not.
 #[derive(Debug)]
 pub struct RayTracedView {
     effect: RayTracedEffect,
@@ -359,7 +360,7 @@ struct Frames {
 }
 
 /// [`BouncedSettings::frame`] has a largest value; a power of two of frames is as good as any number.
-const FRAMES: u32 = 1 << 20;
+const FRAMES: u32 = MAX_FRAME;
 
 impl RayTracedView {
     /// Compiles the pipelines.
@@ -659,13 +660,16 @@ impl RayTracedView {
         if self.room.as_ref().is_some_and(fits) {
             return Ok(());
         }
-        // The old textures go before there are new ones.
-        self.room = None;
+        // The old textures go before there are new ones. What frames were joined to is none of the rays'.
+        let old = self.room.take();
+        let kept = old.filter(|room| room.viewport == viewport);
+        let kept = kept.and_then(|room| room.views.frames);
         let hits = self
             .passes
             .tracer
             .create_view(device, width, height, rays_per_pixel)?;
         let frames = match &mut self.temporal {
+            Some(_) if kept.is_some() => kept,
             Some(temporal) => {
                 temporal.previous = None;
                 let picture = || {
@@ -728,7 +732,7 @@ fn joins_rays(effect: &RayTracedEffect, rays: &RaySettings) -> bool {
 fn picture_format(effect: &RayTracedEffect) -> TextureFormat {
     match effect.channels() {
         Channels::One => TextureFormat::R32Float,
-        Channels::Three => TextureFormat::Rgba16Float,
+        Channels::Three => TextureFormat::Rgba32Float,
     }
 }
 

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::{
-    bounced_z_buffer::{FAR, Ray, Tracing, nearest, offset_origin, to_camera},
+    bounced_z_buffer::{FAR, POSITION_TOLERANCE, Ray, Tracing, nearest, offset_origin, to_camera},
     directions::{GOLDEN_STEP, further_point, hemisphere_direction, point_within},
     ggx::Lobe,
     hashing::{hash, multiply_high, unit_float},
@@ -21,6 +21,7 @@ const KEY: u32 = 64;
 const MOST_SIZES: f64 = 1e12;
 const LEAST_SEEN: f64 = 1e-10;
 const AIM: f64 = 2e-5;
+const EDGE: f64 = 4.0;
 
 fn material_of<'a>(piece: &Piece, materials: &'a [Material]) -> &'a Material {
     &materials[(piece.material as usize).min(materials.len() - 1)]
@@ -71,6 +72,8 @@ pub struct EmitterSample {
     pub piece: usize,
     /// Of all weights that of the piece.
     pub share: f64,
+    /// The least of the point's three barycentric coordinates.
+    pub inside: f64,
 }
 
 impl Emitters {
@@ -114,11 +117,13 @@ impl Emitters {
         let y = (f64::from(pick - self.before[piece]) + 0.5) / f64::from(weight);
         let t = pieces[piece].corners;
         let across = x.sqrt();
-        let point = t.a + (t.b - t.a) * (across * (1.0 - y)) + (t.c - t.a) * (across * y);
+        let (u, v) = (across * (1.0 - y), across * y);
+        let point = t.a + (t.b - t.a) * u + (t.c - t.a) * v;
         Some(EmitterSample {
             point,
             piece,
             share: self.share(piece),
+            inside: u.min(v).min(1.0 - across),
         })
     }
 }
@@ -136,6 +141,14 @@ pub(super) fn chance_share(by_chance: f64, aimed: f64) -> f64 {
     by_chance / (by_chance + aimed).max(1e-30)
 }
 
+/// Whether rounding may take a ray past the drawn point's piece.
+fn is_at_edge(ray: &Ray, pieces: &[Piece], drawn: &EmitterSample) -> bool {
+    let area = area_vector(pieces[drawn.piece].corners);
+    let reach = ray.origin.abs().max_element() + drawn.point.abs().max_element();
+    let rounding = EDGE * POSITION_TOLERANCE * reach;
+    drawn.inside * area.scale * area.direction.dot(ray.direction).abs() <= rounding
+}
+
 /// The piece that a ray meets where it was aimed at.
 pub(super) fn aim(
     ray: &Ray,
@@ -148,7 +161,8 @@ pub(super) fn aim(
         return None;
     }
     let hit = nearest(ray, pieces, (2.0 * distance).min(farthest))?;
-    let is_there = hit.piece == drawn.piece || (hit.t - distance).abs() <= AIM * distance;
+    let is_near = (hit.t - distance).abs() <= AIM * distance;
+    let is_there = hit.piece == drawn.piece || (is_near && is_at_edge(ray, pieces, drawn));
     is_there.then_some(hit.piece)
 }
 

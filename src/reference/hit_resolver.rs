@@ -65,8 +65,11 @@ fn share(normal: DVec3, drawn: Direction) -> f64 {
     normal.dot(drawn.direction).max(0.0) / (PI * drawn.pdf.max(1e-6))
 }
 
+const MOST_LUMINANCE: f64 = 1e16;
+
 fn luminance(color: DVec3) -> f64 {
-    color.dot(DVec3::new(0.2126, 0.7152, 0.0722))
+    let luminance = color.dot(DVec3::new(0.2126, 0.7152, 0.0722));
+    luminance.min(MOST_LUMINANCE)
 }
 
 impl HitResolution<'_> {

@@ -1,7 +1,7 @@
 //! Public settings and their validation.
 
 use crate::{
-    bounced_z_buffer::descriptor::MAX_EMITTER_SAMPLES,
+    bounced_z_buffer::{descriptor::MAX_EMITTER_SAMPLES, settings::MAX_FRAME},
     error::{Error, check_setting},
 };
 
@@ -78,7 +78,7 @@ impl SurfelGathererSettings {
             )?;
         }
         check_setting(
-            self.frame <= 1 << 20,
+            self.frame <= MAX_FRAME,
             "SurfelGathererSettings::frame",
             self.frame,
             "0 to 2^20",

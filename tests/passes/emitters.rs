@@ -274,17 +274,18 @@ fn add(scene: &mut Scene, corners: [DVec3; 3], bright: f32, double_sided: bool) 
     }
 }
 
-/// The Cornell box lit by a lamp that is thinner than a hit is exact: its back, which shines up, lies right above its front.
-fn thin_lamp() -> Scene {
+/// The Cornell box lit by a lamp whose back lies right above its front, nearer than a hit is exact or in the same place: the back
+/// shines up, or either shines to both sides.
+fn thin_lamp(thickness: f64, double_sided: bool) -> Scene {
     let mut scene = strewn(0, 0.0, 0.0);
     let front = [
         DVec3::new(-0.5, 4.5, -0.5),
         DVec3::new(0.5, 4.5, -0.5),
         DVec3::new(0.0, 4.5, 0.5),
     ];
-    let back = [front[0], front[2], front[1]].map(|corner| corner + 1e-5 * DVec3::Y);
-    add(&mut scene, front, 20.0, false);
-    add(&mut scene, back, 20.0, false);
+    let back = [front[0], front[2], front[1]].map(|corner| corner + thickness * DVec3::Y);
+    add(&mut scene, front, 20.0, double_sided);
+    add(&mut scene, back, 20.0, double_sided);
     scene
 }
 
@@ -431,7 +432,9 @@ fn aimed_rays_have_no_bias() {
     for (name, scene, most) in [
         ("cornell", scenes::cornell(), 0.015),
         ("strewn", strewn(8, 1.0, 0.7), 0.03),
-        ("thin lamp", thin_lamp(), 0.03),
+        ("thin lamp", thin_lamp(1e-5, false), 0.03),
+        ("thin lamp, double-sided", thin_lamp(1e-5, true), 0.03),
+        ("one lamp twice", thin_lamp(0.0, true), 0.03),
     ] {
         let case = Case::new(&scene, 0, [48, 32]);
         for sampling in [Sampling::Cosine, Sampling::Glossy] {

@@ -50,6 +50,7 @@ struct Stage {
     scene: RayTracedScene,
     shot: Shot,
     target: wgpu::TextureView,
+    frame: u32,
 }
 
 impl Stage {
@@ -65,6 +66,7 @@ impl Stage {
             scene: traced,
             shot: Shot::new(gpu, scene, &camera_of(scene, 0, size)),
             target: gpu.target(Format::Rgba32Float, size[0], size[1]),
+            frame: 0,
         }
     }
 
@@ -82,6 +84,7 @@ impl Stage {
                 materials: &self.shot.buffers.materials,
                 lights,
             }),
+            frame: self.frame,
             ..RayTracedSceneInput::new(Geometry { meshes: &meshes }, &self.shot.camera)
         };
         self.scene.record(&gpu.device, &mut encoder, &input)?;
@@ -278,6 +281,28 @@ fn bounces_come_and_go_over_frames() {
     assert!(
         left.max_element() > 0.0,
         "nothing came over from the last frame"
+    );
+}
+
+/// Surfels take other directions in another frame, and the same in the same one.
+#[test]
+fn directions_of_surfels_follow_the_frame() {
+    let (scene, lights) = lamp_lit(scenes::closed_room());
+    let mut stage = Stage::new(&scene, [24, 16], BounceSettings::in_frame(3));
+    let first = stage.settled(&lights);
+    assert_eq!(stage.frame(&lights), first);
+    stage.frame = 1 << 20;
+    let last = stage.frame(&lights);
+    assert_ne!(last, first);
+    let mean = |picture: &[DVec3]| picture.iter().sum::<DVec3>().element_sum();
+    let apart = mean(&last) / mean(&first) - 1.0;
+    assert!(apart.abs() < 0.05, "{apart}");
+    stage.frame += 1;
+    refused(
+        stage.record(&lights),
+        "Setting",
+        "RayTracedSceneInput::frame",
+        "1048577",
     );
 }
 

@@ -348,12 +348,21 @@ fn frames_are_joined() {
             joined.memory_bytes() - alone.memory_bytes(),
             bytes_a_pixel * pixels,
         );
+        // More rays have other room, and go on from the same history.
+        joined
+            .set_rays(RaySettings {
+                rays_per_pixel: 2,
+                ..rays
+            })
+            .expect("rays");
+        let more = frame(&mut joined);
         alone.set_rays(many).expect("rays");
         let truth = frame(&mut alone);
-        let [one, eight] = [one, eight.expect("frames")]
+        let [one, eight, more] = [one, eight.expect("frames"), more]
             .map(|picture| support::errors::rmse(picture.as_flattened(), truth.as_flattened()));
-        println!("{effect:?}: one frame {one:.4}, eight {eight:.4}");
+        println!("{effect:?}: one frame {one:.4}, eight {eight:.4}, one more {more:.4}");
         assert!(eight < 0.7 * one, "one frame {one}, eight {eight}");
+        assert!(more < 1.05 * eight, "eight frames {eight}, one more {more}");
     }
 }
 

@@ -12,6 +12,8 @@ const MOST_SIZES: f32 = 1e12;
 const LEAST_SEEN: f32 = 1e-10;
 // How far a place on a neighbouring piece may be off the one that was aimed at, as a share of the distance.
 const AIM: f32 = 2e-5;
+// How often the rounding of a ray's place counts: that of the drawn point, and of what is met on either side of an edge.
+const EDGE: f32 = 4.0;
 
 // The weights of all pieces before this one. Behind the last piece it is that of all.
 fn weight_before(piece: u32) -> u32 {
@@ -28,6 +30,8 @@ struct EmitterSample {
   piece: u32,
   // Of all weights that of the piece; 0 where nothing shines.
   share: f32,
+  // The least of the point's three barycentric coordinates.
+  inside: f32,
 }
 
 // What share of the rays towards emitters goes to a piece.
@@ -42,7 +46,7 @@ fn emitter_sample(pixel: vec2u, index: u32, count: u32, turn: u32, frame: u32) -
   let room = emitters_room();
   let all = weight_before(room - 1u);
   if all == 0u {
-    return EmitterSample(vec3f(0.0), 0u, 0.0);
+    return EmitterSample(vec3f(0.0), 0u, 0.0, 0.0);
   }
   let within = point_within(pixel, EMITTERS_KEY, turn, frame);
   let step = 0xffffffffu / count;
@@ -64,8 +68,10 @@ fn emitter_sample(pixel: vec2u, index: u32, count: u32, turn: u32, frame: u32) -
   let y = (f32(pick - begin) + 0.5) / f32(weight);
   let piece = pieces[low];
   let across = sqrt(x);
-  let point = piece.a + (piece.b - piece.a) * (across * (1.0 - y)) + (piece.c - piece.a) * (across * y);
-  return EmitterSample(point, low, f32(weight) / f32(all));
+  let u = across * (1.0 - y);
+  let v = across * y;
+  let point = piece.a + (piece.b - piece.a) * u + (piece.c - piece.a) * v;
+  return EmitterSample(point, low, f32(weight) / f32(all), min(min(u, v), 1.0 - across));
 }
 
 // Density over solid angle with which a point of a piece is drawn, as seen from so far away along a unit vector.
@@ -80,16 +86,27 @@ fn chance_share(by_chance: f32, aimed: f32) -> f32 {
   return by_chance / max(by_chance + aimed, 1e-30);
 }
 
-// The piece that a ray meets where it was aimed at, which may be one that meets the sample's in an edge; MISS where something
-// else stands before it, and where the sample's piece sends nothing this way: the front of a thin lamp is met right before its
-// back, and counts for its own samples alone.
+// Whether rounding may take a ray past the drawn point's piece: the point is that near to an edge, as the ray sees the piece.
+fn is_at_edge(ray: Ray, drawn: EmitterSample) -> bool {
+  let piece = pieces[drawn.piece];
+  let area = area_vector(Triangle(piece.a, piece.b, piece.c));
+  let reach = max_component(abs(ray.origin)) + max_component(abs(drawn.point));
+  // A point that moves sideways by the rounding of positions moves its coordinates by that over the height that is seen.
+  let rounding = EDGE * POSITION_TOLERANCE * reach;
+  return drawn.inside * area.scale * abs(dot(area.direction, ray.direction)) <= rounding;
+}
+
+// The piece that a ray meets where it was aimed at, which at an edge may be a neighbour of the sample's; MISS where something
+// else stands before it. Emitters that lie in one another count once, as what rays meet first; so does the front of a thin
+// lamp, which is met right before its back.
 fn aim(ray: Ray, drawn: EmitterSample, distance: f32, farthest: f32) -> u32 {
   if all(own_along(drawn.piece, ray.direction) == vec3f(0.0)) {
     return MISS;
   }
   // Near a piece's plane its hits are farther off than AIM, but are its own.
   let hit = trace_nearest(ray, min(2.0 * distance, farthest));
-  let is_there = hit.primitive == drawn.piece || abs(hit.t - distance) <= AIM * distance;
+  let is_near = abs(hit.t - distance) <= AIM * distance;
+  let is_there = hit.primitive == drawn.piece || (is_near && is_at_edge(ray, drawn));
   return select(MISS, hit.primitive, is_there);
 }
 
