@@ -218,9 +218,13 @@ impl Shot {
                 upward,
             ],
         };
-        // A target far beyond the scene is a direction.
+        let away = self.eye.distance(self.target);
+        // A target far beyond the scene is a direction. A scene of points has no size.
         let (low, high) = bounds_of(scene);
-        let size = self.eye.distance(self.target).min(low.distance(high));
+        let size = match low.distance(high) {
+            extent if extent > 0.0 => away.min(extent),
+            _ => away,
+        };
         let before = sight
             .least_depth(scene)
             .map_or(f64::INFINITY, |depth| 0.5 * depth);
