@@ -50,6 +50,11 @@ pub struct BouncedLight {
 impl BouncedLight {
     /// `level` is what values are in units of.
     pub fn new(stage: &Stage<'_>, level: f64) -> Result<Self, String> {
+        Self::aiming(stage, level, 0)
+    }
+
+    /// With so many rays per pixel towards what shines.
+    fn aiming(stage: &Stage<'_>, level: f64, emitter_samples: u32) -> Result<Self, String> {
         let triangles = stage.buffers.triangles();
         let capacity = CloudCapacity {
             surfels: 0,
@@ -60,7 +65,9 @@ impl BouncedLight {
         let most = LADDER[LADDER.len() - 1];
         let room = RayRoom {
             rays_per_pixel: most,
-            counted: true,
+            // Only such pixels need counts as have further rays, which none of those has that aims.
+            counted: emitter_samples == 0,
+            emitter_samples,
             ..RayRoom::default()
         };
         let renderer = BouncedRenderer::new(stage.gpu, Payload::LitRadiance, capacity, size, room)
@@ -136,6 +143,75 @@ impl Method for BouncedLight {
         let pixels: u32 = stage.effort.size.iter().product();
         let further = preset.further.map_or(0.0, |further| further.rays_per_pixel);
         let rays = preset.bounced.rays_per_pixel + further.ceil() as u32;
+        Ok(json!({ "most_rays": pixels * rays * 2 }))
+    }
+}
+
+/// The same where something shines of itself, a part of its rays aimed there. The traced truth's rays are not, so that its own
+/// noise is what is left of the error of many aimed rays.
+pub struct AimedLight {
+    /// For as many aimed rays as were asked for last.
+    made: Option<(u32, BouncedLight)>,
+    level: f64,
+}
+
+impl AimedLight {
+    /// `level` is what values are in units of.
+    pub fn new(level: f64) -> Self {
+        Self { made: None, level }
+    }
+}
+
+impl Method for AimedLight {
+    type Setting = BouncedPreset;
+    const NAME: &'static str = BouncedLight::NAME;
+
+    /// As many rays in all as [`BouncedLight`] has, from two on. They are a knob, as not every scene has such rows, and lines are
+    /// means over scenes.
+    fn variants(&self, _: &Stage<'_>, _: f32, _: bool) -> Vec<Variant<BouncedPreset>> {
+        let aimed = |all| RaySettings::new(all, Payload::LitRadiance).for_emitters();
+        let aimed = LADDER.map(aimed).into_iter();
+        let aimed: Vec<_> = aimed.filter(|rays| rays.emitter_samples > 0).collect();
+        let variants = |knob, clamp: Option<f32>| {
+            aimed.clone().into_iter().map(move |mut rays| {
+                let filter = &mut rays.filter;
+                filter.variance_clamp = clamp.unwrap_or(filter.variance_clamp);
+                Variant {
+                    knob,
+                    value: format!("{} + {}", rays.rays_per_pixel, rays.emitter_samples),
+                    setting: presets::of(&rays, f32::INFINITY),
+                }
+            })
+        };
+        let clamped = variants("at lamps", None);
+        clamped
+            .chain(variants("at lamps, no clamp", Some(0.0)))
+            .collect()
+    }
+
+    fn describe(preset: &BouncedPreset) -> Value {
+        let mut settings = BouncedLight::describe(preset);
+        settings["emitter_samples"] = json!(preset.emitter_samples);
+        settings
+    }
+
+    fn render(&mut self, stage: &Stage<'_>, preset: &BouncedPreset) -> Result<Shot, String> {
+        let made = match self.made.take() {
+            Some((samples, made)) if samples == preset.emitter_samples => made,
+            _ => {
+                let mut made = BouncedLight::aiming(stage, self.level, preset.emitter_samples)?;
+                // Compiles the pipelines.
+                made.render(stage, preset)?;
+                made
+            }
+        };
+        let (_, made) = self.made.insert((preset.emitter_samples, made));
+        made.render(stage, preset)
+    }
+
+    fn work(&mut self, stage: &Stage<'_>, preset: &BouncedPreset) -> Result<Value, String> {
+        let pixels: u32 = stage.effort.size.iter().product();
+        let rays = preset.bounced.rays_per_pixel + preset.emitter_samples;
         Ok(json!({ "most_rays": pixels * rays * 2 }))
     }
 }

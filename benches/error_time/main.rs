@@ -15,7 +15,8 @@
 //!
 //! Light that has bounced once is measured likewise, in units of its mean over the picture: by the bounced z-buffer, its
 //! hits lit where they are, and by rays marched through the depth buffer of a picture whose direct light is given exactly.
-//! Times are in units of the bounced z-buffer's `balanced` there.
+//! Where anything shines of itself the knob `at lamps` has as many rays, a part of them aimed there, and `at lamps, no clamp` the
+//! same without the filter's `variance_clamp`. Times are in units of the bounced z-buffer's `balanced` there.
 //!
 //! Prints a table and writes the same rows to `target/bench/error-time.json` and `target/bench/error-time.csv` (in JSON, null is
 //! infinity), and pictures of means over scenes: `error-time-radius.png` and `error-time-unbounded.png`, one line per method,
@@ -37,11 +38,12 @@ use bounced::Bounced;
 use clap::Parser;
 use deep_screen_space::scenes;
 use horizon::Horizon;
-use light::{BouncedLight, Marched, SplatLight};
+use light::{AimedLight, BouncedLight, Marched, SplatLight};
 use method::{Measurement, Method};
 use splat::Splat;
 use support::bench;
 use support::gpu::{Ask, Gpu};
+use support::lights::is_emissive;
 use support::stage::{Effect, Effort, Stage};
 use table::Row;
 
@@ -118,9 +120,10 @@ fn run(options: &Options) -> Result<(), String> {
             occlusion(&stage, options, &mut rows)?;
         }
         let truth = stage.light_truth();
-        let mut bounced = BouncedLight::new(&stage, truth.level)?;
-        let mut splat = SplatLight::new(&stage, truth.level)?;
-        let mut marched = Marched::new(&stage, truth.level);
+        let level = truth.level;
+        let mut bounced = BouncedLight::new(&stage, level)?;
+        let mut splat = SplatLight::new(&stage, level)?;
+        let mut marched = Marched::new(&stage, level);
         let mut measurement = Measurement {
             stage: &stage,
             effect: Effect::Gi,
@@ -133,6 +136,9 @@ fn run(options: &Options) -> Result<(), String> {
         measurement.of(&mut bounced)?;
         measurement.of(&mut splat)?;
         measurement.of(&mut marched)?;
+        if is_emissive(scene) {
+            measurement.of(&mut AimedLight::new(level))?;
+        }
     }
     if options.light {
         return Ok(());

@@ -1,8 +1,10 @@
 //! Points on the curve of error over time, measured by `benches/error_time`.
 
 use crate::{
-    BouncedSettings, HitResolverSettings, Payload, RayBudgetSettings, ReconstructorSettings,
-    SplatSettings, SurfelizerSettings, bounced_z_buffer::settings::MAX_RAYS_PER_PIXEL,
+    BouncedSettings, Error, HitResolverSettings, Payload, RayBudgetSettings, ReconstructorSettings,
+    SplatSettings, SurfelizerSettings,
+    bounced_z_buffer::{descriptor::MAX_EMITTER_SAMPLES, settings::MAX_RAYS_PER_PIXEL},
+    error::check_setting,
     ray_traced::bounces::aimed,
 };
 
@@ -170,6 +172,24 @@ impl RaySettings {
             radius,
             ..BouncedSettings::default()
         }
+    }
+
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// [`Error::Setting`], naming the field, its value and its range.
+    pub fn validate(&self) -> Result<(), Error> {
+        self.bounced(f32::INFINITY).validate()?;
+        check_setting(
+            self.emitter_samples <= MAX_EMITTER_SAMPLES,
+            "RaySettings::emitter_samples",
+            self.emitter_samples,
+            "0 to 16",
+        )?;
+        self.filter.validate()?;
+        self.further
+            .as_ref()
+            .map_or(Ok(()), RayBudgetSettings::validate)
     }
 }
 

@@ -25,7 +25,7 @@ use crate::{
         HitEstimateInput, HitResolver, HitResolverDescriptor, HitResolverInput, HitResolverView,
         settings::HitResolverSettings,
     },
-    ray_budget::{RayBudget, RayBudgetInput, settings::RayBudgetSettings, view::RayBudgetView},
+    ray_budget::{RayBudget, RayBudgetInput, view::RayBudgetView},
     receivers::{Frame, FrameInput, GBufferDecoder, Receivers, plane_bytes, plane_for},
     recorded::never,
     temporal_accumulator::{
@@ -716,10 +716,7 @@ impl RayTracedView {
 /// That rays can be had, for an effect.
 fn check_rays(effect: &RayTracedEffect, rays: &RaySettings) -> Result<(), Error> {
     settings_of(effect, rays, 0).validate()?;
-    rays.filter.validate()?;
-    rays.further
-        .as_ref()
-        .map_or(Ok(()), RayBudgetSettings::validate)
+    rays.validate()
 }
 
 /// Whether frames are joined before they are filtered, which occlusion gains nothing by.

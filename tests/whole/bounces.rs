@@ -4,9 +4,9 @@
 use std::sync::{LazyLock, Mutex, MutexGuard, PoisonError};
 
 use deep_screen_space::{
-    BounceSettings, Error, Geometry, HitLighting, Light, Primitives, Quality, RayTracedEffect,
-    RayTracedInput, RayTracedScene, RayTracedSceneInput, RayTracedView, RayTracedViewDescriptor,
-    SurfelGathererSettings,
+    BounceSettings, Error, Geometry, HitLighting, Light, Primitives, Quality, RaySettings,
+    RayTracedEffect, RayTracedInput, RayTracedScene, RayTracedSceneInput, RayTracedView,
+    RayTracedViewDescriptor, SurfelGathererSettings,
     glam::DVec3,
     scenes::{self, Scene},
     wgpu::{self, TextureFormat as Format},
@@ -422,6 +422,16 @@ fn what_does_not_go_together_is_a_typed_error() {
         "Mismatch",
         "RaySettings::emitter_samples",
         "made for",
+    );
+    let most = RaySettings {
+        emitter_samples: 17,
+        ..Quality::Balanced.rays(DIFFUSE.payload())
+    };
+    refused(
+        most.validate(),
+        "Setting",
+        "RaySettings::emitter_samples",
+        "0 to 16",
     );
     // Nor have its surfels that are to aim at them; and no table of materials is none.
     let aiming = usual.for_emitters();

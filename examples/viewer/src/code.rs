@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use deep_screen_space::{Bounces, Overlap};
+use deep_screen_space::{Bounces, ObscuranceSettings, Overlap, Placement, SgHullSettings};
 
 use crate::{
     fields::{color, number, rust, rust_with},
@@ -15,7 +15,7 @@ pub fn of(look: &Look) -> String {
         Method::Rays => rays(look),
         Method::Splats => splats(look),
         Method::Depths => depths(look),
-        Method::Hull => format!("let settings = {};\n", rust(&look.hull)),
+        Method::Hull => hull(look),
     }
 }
 
@@ -62,7 +62,9 @@ fn rays(look: &Look) -> String {
         format!("Some({})", deeper(&rust(settings)))
     });
     let bounces = look.further_bounces();
+    let mut scene = String::from("RayTracedScene::new(&device)?");
     if let Some(bounces) = &bounces {
+        scene = "RayTracedScene::with_bounces(&device, Primitives::Triangles, bounces)?".into();
         let how = match bounces.bounces {
             Bounces::InFrame(count) => format!("Bounces::InFrame({count})"),
             Bounces::OverFrames => "Bounces::OverFrames".into(),
@@ -71,15 +73,22 @@ fn rays(look: &Look) -> String {
         let _ = write!(
             text,
             "let bounces = BounceSettings {{\n    bounces: {how},\n    radius_pixels: {},\n    samples: {},\n    gatherer: \
-             SurfelGathererSettings {{\n        rays_per_surfel: {},\n        backs: {},\n        most_albedo: {},\n        \
-             ..SurfelGathererSettings::default()\n    }},\n}};\n",
+             SurfelGathererSettings {{\n        rays_per_surfel: {},\n        emitter_samples: {},\n        backs: {},\n        \
+             most_albedo: {},\n        sky_radiance: {},\n        frame: {},\n    }},\n}};\n",
             number(bounces.radius_pixels),
             bounces.samples,
             gatherer.rays_per_surfel,
+            gatherer.emitter_samples,
             gatherer.backs,
             number(gatherer.most_albedo),
+            color(gatherer.sky_radiance),
+            gatherer.frame,
         );
     }
+    if look.aims() {
+        scene.push_str(".with_emitters(&device)?");
+    }
+    let _ = writeln!(text, "let scene = {scene};");
     let _ = write!(
         text,
         "let descriptor = RayTracedViewDescriptor {{\n    rays,\n    temporal: {temporal},\n    further_bounces: {},\n    \
@@ -127,10 +136,15 @@ fn splats(look: &Look) -> String {
             "AmbientOcclusion {{\n    two_sided: {two_sided},\n    overlap: {overlap},\n    ..AmbientOcclusion::default()\n}}\n.effect()"
         ),
     };
+    let placement = look.splats.surfelizer.placement;
+    let placement: Vec<_> = (placement != Placement::default())
+        .then(|| ("placement", format!("Placement::{placement:?}")))
+        .into_iter()
+        .collect();
     let radius = [("radius", number(look.splats.splat.radius))];
     format!(
         "let effect = {effect};\nlet surfelizer = {};\nlet splat = {};\nlet reconstructor = {};\n",
-        rust(&look.splats.surfelizer),
+        rust_with(&look.splats.surfelizer, &placement),
         rust_with(&look.splats.splat, &radius),
         rust(&look.splats.reconstructor),
     )
@@ -145,9 +159,33 @@ fn depths(look: &Look) -> String {
              ObscuranceVolume::{:?},\n}};\nlet settings = {};\n",
             Sampling(look),
             look.volume,
-            rust(&look.obscurance)
+            obscurance(&look.obscurance)
         ),
     }
+}
+
+fn obscurance(settings: &ObscuranceSettings) -> String {
+    let second = settings.second.map(|second| {
+        let (radius, combine) = (number(second.radius), second.combine);
+        let text =
+            format!("Some(SecondRadius {{ radius: {radius}, combine: Combine::{combine:?} }})");
+        ("second", text)
+    });
+    rust_with(settings, second.as_slice())
+}
+
+fn hull(look: &Look) -> String {
+    let quad = look.hull.quad;
+    let quad: Vec<_> = (quad != SgHullSettings::default().quad)
+        .then(|| ("quad", quad.to_string()))
+        .into_iter()
+        .collect();
+    format!(
+        "let size = {};\nlet components = Components::{:?};\nlet settings = {};\n",
+        rust(&look.hull_size),
+        look.components,
+        rust_with(&look.hull, &quad),
+    )
 }
 
 /// A sampling as Rust writes it.
@@ -168,8 +206,10 @@ impl std::fmt::Debug for Sampling<'_> {
 #[cfg(test)]
 mod tests {
     use deep_screen_space::{
-        BounceSettings, Quality, RayTracedViewDescriptor, TemporalSettings, wgpu::TextureFormat,
+        BounceSettings, Combine, Components, DiskSamples, ObscuranceSampling, Quality,
+        RayTracedViewDescriptor, SecondRadius, TemporalSettings, wgpu::TextureFormat,
     };
+    use support::gpu::{Ask, Gpu};
 
     use super::*;
 
@@ -177,6 +217,8 @@ mod tests {
     #[rustfmt::skip]
     #[allow(clippy::pedantic, missing_docs)]
     mod copied {
+        pub mod depths { include!("../tests/copied/depths.rs"); }
+        pub mod hull { include!("../tests/copied/hull.rs"); }
         pub mod rays { include!("../tests/copied/rays.rs"); }
         pub mod splats { include!("../tests/copied/splats.rs"); }
     }
@@ -211,11 +253,16 @@ mod tests {
             ..TemporalSettings::default()
         });
         look.bounces = Some(BounceSettings::in_frame(3));
-        let head = "use deep_screen_space::{wgpu::TextureFormat, *};\n\npub fn made(target: TextureFormat) -> \
-                    (RayTracedViewDescriptor, BounceSettings)";
-        let text = around(&of(&look), head, "(descriptor, bounces)");
+        look.sky_radiance = [1.0, 2.0, 3.0];
+        look.aim(true);
+        assert!(look.aims());
+        let head = "use deep_screen_space::{wgpu::{Device, TextureFormat}, *};\n\npub fn made(device: Device, target: \
+                    TextureFormat) -> Result<(RayTracedScene, RayTracedViewDescriptor, BounceSettings), Error>";
+        let text = around(&of(&look), head, "Ok((scene, descriptor, bounces))");
         check("rays", &text, include_str!("../tests/copied/rays.rs"));
-        let (descriptor, bounces) = copied::rays::made(TextureFormat::R8Unorm);
+        let device = Gpu::open(Ask::Floor).unwrap().device;
+        let made = copied::rays::made(device.clone(), TextureFormat::R8Unorm);
+        let (_, descriptor, bounces) = made.unwrap();
         let RayTracedViewDescriptor {
             effect,
             rays,
@@ -224,8 +271,15 @@ mod tests {
             ..
         } = descriptor;
         assert_eq!((effect, rays), (look.ray_traced(), look.rays));
-        assert_eq!((temporal, Some(bounces)), (look.temporal, look.bounces));
+        assert_eq!(
+            (temporal, Some(bounces)),
+            (look.temporal, look.further_bounces())
+        );
         assert!(further_bounces);
+        // Without lamps the scene has no emitters, and is one of one bounce.
+        look.aim(false);
+        look.bounces = None;
+        assert!(of(&look).contains("let scene = RayTracedScene::new(&device)?;\n"));
     }
 
     #[test]
@@ -234,10 +288,42 @@ mod tests {
         look.splats.reconstructor.normal_power = 16.0;
         let head = "use deep_screen_space::*;\n\npub fn made() -> (Effect, SplatQuality)";
         let last = "(effect, SplatQuality { surfelizer, splat, reconstructor })";
+        look.splats.surfelizer.placement = Placement::Random;
         let text = around(&of(&look), head, last);
         check("splats", &text, include_str!("../tests/copied/splats.rs"));
         let (_, splats) = copied::splats::made();
         assert_eq!(splats, look.splats);
+    }
+
+    #[test]
+    fn depths_are_as_copied() {
+        let mut look = look(Effect::AmbientOcclusion, Method::Depths);
+        look.sampling = ObscuranceSampling::Areas(DiskSamples::Nine);
+        look.obscurance.second = Some(SecondRadius {
+            radius: 0.125,
+            combine: Combine::Minimum,
+        });
+        let head = "use deep_screen_space::*;\n\npub fn made() -> (VolumetricObscuranceDescriptor, ObscuranceSettings)";
+        let text = around(&of(&look), head, "(descriptor, settings)");
+        check("depths", &text, include_str!("../tests/copied/depths.rs"));
+        let (descriptor, settings) = copied::depths::made();
+        assert_eq!(
+            (descriptor.sampling, settings),
+            (look.sampling, look.obscurance)
+        );
+    }
+
+    #[test]
+    fn the_hull_is_as_copied() {
+        let mut look = look(Effect::IndirectDiffuse, Method::Hull);
+        look.hull.quad = 16;
+        look.hull_size.grid = 320;
+        look.components = Components::Propagation;
+        let head = "use deep_screen_space::*;\n\npub fn made(width: u32, height: u32) -> (SgHullSize, Components, SgHullSettings)";
+        let text = around(&of(&look), head, "(size, components, settings)");
+        check("hull", &text, include_str!("../tests/copied/hull.rs"));
+        let made = copied::hull::made(1280, 720);
+        assert_eq!(made, (look.hull_size, look.components, look.hull));
     }
 
     #[test]

@@ -1,11 +1,14 @@
 //! What one side of the window shows: an effect, a method, and all their settings.
 
 use deep_screen_space::{
-    BallSamples, BounceSettings, Error, ObscuranceSampling, ObscuranceSettings, ObscuranceVolume,
-    Overlap, Payload, Quality, RaySettings, RayTracedEffect, RayTracedViewDescriptor, Scattering,
-    ScreenSpaceGiSettings, SgHullSettings, SoftShadowsSettings, SplatQuality, SubsurfaceScattering,
+    BallSamples, BounceSettings, Components, Error, ObscuranceSampling, ObscuranceSettings,
+    ObscuranceVolume, Overlap, Payload, Quality, RaySettings, RayTracedEffect,
+    RayTracedViewDescriptor, Scattering, ScreenSpaceGiSettings, SgHullSettings, SgHullSize,
+    SoftShadowsSettings, SplatQuality, SubsurfaceScattering, SurfelGathererSettings,
     TemporalSettings, wgpu::TextureFormat,
 };
+
+use crate::fields::Settings;
 
 /// What is to be seen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -118,6 +121,8 @@ impl Method {
 pub struct Look {
     pub effect: Effect,
     pub method: Method,
+    /// Whether anything in the scene shines of itself, so that rays are worth aiming at it.
+    pub emits: bool,
     /// Beyond it nothing occludes, world units.
     pub radius: f32,
     /// Which of [`support::sky::NAMES`].
@@ -146,6 +151,9 @@ pub struct Look {
     pub shadows: SoftShadowsSettings,
     pub screen: ScreenSpaceGiSettings,
     pub hull: SgHullSettings,
+    /// Of which width and height are the picture's.
+    pub hull_size: SgHullSize,
+    pub components: Components,
 }
 
 /// Surfels of a usual view, with room.
@@ -157,6 +165,7 @@ impl Look {
         let mut look = Self {
             effect: Effect::AmbientOcclusion,
             method: Method::Rays,
+            emits: false,
             radius,
             sky: 0,
             sky_radiance: [0.0; 3],
@@ -189,6 +198,8 @@ impl Look {
                 ..ScreenSpaceGiSettings::default()
             },
             hull: SgHullSettings::default(),
+            hull_size: SgHullSize::rest(),
+            components: Components::default(),
         };
         look.take(quality);
         look
@@ -205,9 +216,10 @@ impl Look {
 
     /// The settings of a quality, for the effect.
     pub fn take(&mut self, quality: Quality) {
-        let effect = self.ray_traced();
-        let descriptor = RayTracedViewDescriptor::new(effect, quality, TextureFormat::Rgba32Float);
-        self.rays = descriptor.rays;
+        self.rays = self.rays_of(quality);
+        if self.emits && self.is_lit() {
+            self.rays = self.rays.for_emitters();
+        }
         self.rays.filter.f0 = self.f0;
         self.splats = match self.effect {
             Effect::SubsurfaceScattering => self.scattering().splats(quality, self.pixel()),
@@ -223,6 +235,53 @@ impl Look {
             Quality::Balanced => [64, 64],
             Quality::Accurate => [288, 196],
         };
+    }
+
+    /// A quality's rays, none of them aimed.
+    fn rays_of(&self, quality: Quality) -> RaySettings {
+        let effect = self.ray_traced();
+        RayTracedViewDescriptor::new(effect, quality, TextureFormat::Rgba32Float).rays
+    }
+
+    /// As many rays, of pixels and of surfels, a part of them to what shines of itself or none.
+    pub fn aim(&mut self, aims: bool) {
+        if aims {
+            self.rays = self.rays.for_emitters();
+            self.bounces = self.bounces.map(BounceSettings::for_emitters);
+            return;
+        }
+        let rays = &mut self.rays;
+        rays.rays_per_pixel = (rays.rays_per_pixel + rays.emitter_samples).min(64);
+        rays.emitter_samples = 0;
+        self.rays.filter.variance_clamp = self.rays_of(Quality::Balanced).filter.variance_clamp;
+        if let Some(bounces) = &mut self.bounces {
+            let gatherer = &mut bounces.gatherer;
+            gatherer.rays_per_surfel =
+                (gatherer.rays_per_surfel + gatherer.emitter_samples).min(64);
+            gatherer.emitter_samples = 0;
+        }
+    }
+
+    /// Whether any rays are aimed.
+    pub fn aims(&self) -> bool {
+        let bounces = self.further_bounces();
+        let by_surfels = bounces.is_some_and(|bounces| bounces.gatherer.emitter_samples > 0);
+        let by_pixels = self.is_lit() && self.rays.emitter_samples > 0;
+        self.method == Method::Rays && (by_pixels || by_surfels)
+    }
+
+    /// Further bounces as suits the rays of pixels.
+    pub fn suited(&self, bounces: BounceSettings) -> BounceSettings {
+        if self.rays.emitter_samples > 0 {
+            bounces.for_emitters()
+        } else {
+            bounces
+        }
+    }
+
+    /// Whether frames are joined, which those of bent normals are not.
+    pub fn joins_frames(&self) -> bool {
+        self.method == Method::Rays && self.temporal.is_some() && self.effect != Effect::BentNormals
     }
 
     /// The effect as the facade has it.
@@ -252,10 +311,16 @@ impl Look {
         }
     }
 
-    /// Bounces of light that are to be seen; further ones by rays alone.
+    /// Bounces of light that are to be seen, under the effect's sky; further ones by rays alone.
     pub fn further_bounces(&self) -> Option<BounceSettings> {
-        self.bounces
-            .filter(|_| self.method == Method::Rays && self.is_lit())
+        let seen = self.method == Method::Rays && self.is_lit();
+        self.bounces.filter(|_| seen).map(|bounces| BounceSettings {
+            gatherer: SurfelGathererSettings {
+                sky_radiance: self.sky_radiance,
+                ..bounces.gatherer
+            },
+            ..bounces
+        })
     }
 
     pub fn scattering(&self) -> SubsurfaceScattering {
@@ -280,10 +345,7 @@ impl Look {
         match self.method {
             Method::Rays => {
                 self.rays.bounced(self.reach()).validate()?;
-                self.rays.filter.validate()?;
-                if let Some(further) = &self.rays.further {
-                    further.validate()?;
-                }
+                self.rays.validate()?;
                 if let Some(temporal) = &self.temporal {
                     temporal.validate()?;
                 }
@@ -304,7 +366,10 @@ impl Look {
                 Effect::IndirectDiffuse => self.screen.validate(),
                 _ => self.obscurance.validate(),
             },
-            Method::Hull => self.hull.validate(),
+            Method::Hull => {
+                self.hull_size.validate()?;
+                self.hull.validate()
+            }
         }
     }
 }
@@ -312,6 +377,20 @@ impl Look {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// As many rays as before, and the filter of before.
+    #[test]
+    fn rays_are_aimed_and_not() {
+        let mut look = Look::new(2.0, 1.0, Quality::Balanced);
+        look.choose(Effect::IndirectSpecular, Quality::Balanced);
+        look.bounces = Some(BounceSettings::in_frame(2));
+        let before = look;
+        look.aim(true);
+        assert_eq!(look.rays.all_rays(), before.rays.all_rays());
+        assert_eq!([look.rays.emitter_samples, look.aims().into()], [4, 1]);
+        look.aim(false);
+        assert_eq!(look, before);
+    }
 
     #[test]
     fn every_effect_by_every_method_has_settings_that_hold() {
@@ -321,8 +400,15 @@ mod tests {
                     let mut look = Look::new(2.0, 1.0, quality);
                     look.choose(effect, quality);
                     look.method = method;
-                    look.take(quality);
-                    look.validate().unwrap();
+                    for emits in [false, true] {
+                        look.emits = emits;
+                        look.take(quality);
+                        look.validate().unwrap();
+                        assert_eq!(
+                            look.aims(),
+                            emits && method == Method::Rays && look.is_lit()
+                        );
+                    }
                 }
             }
         }

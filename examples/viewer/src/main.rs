@@ -12,6 +12,7 @@ mod display;
 mod fields;
 mod flight;
 mod look;
+mod motion;
 mod mover;
 mod panel;
 mod passes;

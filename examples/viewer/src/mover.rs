@@ -3,7 +3,7 @@
 use std::f32::consts::TAU;
 
 use deep_screen_space::{
-    glam::{DVec3, Mat3, Vec3},
+    glam::{DMat4, DVec3, Mat3, Vec3},
     scenes::{Material, Part, Scene},
     wgpu,
 };
@@ -55,15 +55,8 @@ impl Mover {
 
     /// Positions and normals, after so many rounds; as small as a point where there is no number.
     pub fn at(&self, rounds: Option<f32>) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
-        let angle = TAU * rounds.unwrap_or_default();
         let half = if rounds.is_some() { self.half } else { 0.0 };
-        let place = self.center
-            + Vec3::new(
-                self.radius * angle.cos(),
-                half * (1.2 + (2.0 * angle).sin()),
-                self.radius * angle.sin(),
-            );
-        let turn = Mat3::from_rotation_y(2.0 * angle) * Mat3::from_rotation_x(angle);
+        let (place, turn) = self.turned(rounds.unwrap_or_default());
         let (mut positions, mut normals) = (Vec::new(), Vec::new());
         for axis in 0..3 {
             for sign in [1.0, -1.0] {
@@ -79,6 +72,27 @@ impl Mover {
             }
         }
         (positions, normals)
+    }
+
+    /// Where its middle is after so many rounds, and how it is turned.
+    fn turned(&self, rounds: f32) -> (Vec3, Mat3) {
+        let angle = TAU * rounds;
+        let place = self.center
+            + Vec3::new(
+                self.radius * angle.cos(),
+                self.half * (1.2 + (2.0 * angle).sin()),
+                self.radius * angle.sin(),
+            );
+        let turn = Mat3::from_rotation_y(2.0 * angle) * Mat3::from_rotation_x(angle);
+        (place, turn)
+    }
+
+    /// From its own space, in which it reaches from -1 to 1, to the world.
+    pub fn world_from_box(&self, rounds: f32) -> DMat4 {
+        let (place, turn) = self.turned(rounds);
+        let turn = DMat4::from_mat3(turn.as_dmat3());
+        let half = DVec3::splat(self.half.into());
+        DMat4::from_translation(place.as_dvec3()) * turn * DMat4::from_scale(half)
     }
 
     /// Writes it to the GPU. It is in the last run, unless that was cut within it.
@@ -122,6 +136,12 @@ mod tests {
             let normal = Vec3::from(scene.normals[corners[0] as usize]);
             let face = (at(1) - at(0)).cross(at(2) - at(0)).normalize();
             assert!(face.dot(normal) > 0.999, "{face} and {normal}");
+        }
+        // Its corners are those of its own space.
+        let own = mover.world_from_box(0.3).inverse();
+        for position in &scene.positions[scene.positions.len() - VERTICES..] {
+            let corner = own.transform_point3(Vec3::from(*position).as_dvec3());
+            assert!((corner.abs() - 1.0).abs().max_element() < 1e-5, "{corner}");
         }
         // Away, it is a point, which nothing sees.
         mover.place(&mut scene, None);

@@ -1,12 +1,13 @@
 //! One side's passes: made for an effect and a method, recorded with whatever settings.
 
 use deep_screen_space::{
-    AmbientOcclusion, BentNormals, Camera, CloudCapacity, Components, DiffuseBounce,
+    AmbientOcclusion, BentNormals, Camera, CloudCapacity, DepthMoments, DiffuseBounce,
     DirectionalOcclusion, Environment, EnvironmentBuilder, EnvironmentLight, EnvironmentSettings,
-    Error, GBuffer, GathererBinding, ObscuranceInput, ObscuranceSampling, ObscuranceVolume,
-    RayTracedInput, RayTracedView, RayTracedViewDescriptor, ScreenSpaceGi, ScreenSpaceGiInput,
-    SgHullSize, SoftShadows, SoftShadowsInput, SoftShadowsSettings, SpecularBounce,
-    SubsurfaceScattering, SurfelCounts, VolumetricObscurance, VolumetricObscuranceDescriptor,
+    Error, GBuffer, GathererBinding, MotionVectors, ObscuranceInput, ObscuranceSampling,
+    ObscuranceVolume, RayTracedInput, RayTracedView, RayTracedViewDescriptor, ScreenSpaceGi,
+    ScreenSpaceGiInput, SgHullSize, SoftShadows, SoftShadowsInput, SoftShadowsSettings,
+    SpecularBounce, SubsurfaceScattering, SurfelCounts, VolumetricObscurance,
+    VolumetricObscuranceDescriptor,
     wgpu::{self, BufferUsages, TextureFormat, TextureView},
 };
 use support::{
@@ -38,6 +39,8 @@ pub struct Scenery<'a> {
     pub lamp: &'a ShadowedLight,
     /// Whether the object moved since the last frame.
     pub moved: bool,
+    /// Where surfaces were, of a frame in which the object moved, for passes that join frames.
+    pub motion: Option<&'a TextureView>,
     /// Whether to forget earlier frames.
     pub reset: bool,
 }
@@ -61,7 +64,11 @@ enum Kind {
         /// The scene in the materials of the body that scatters.
         masked: Option<(SceneBuffers, Rasterizer, Raster)>,
     },
-    Obscurance(VolumetricObscurance),
+    Obscurance {
+        pass: VolumetricObscurance,
+        /// Of the depth, where samples are areas.
+        moments: Option<Box<DepthMoments>>,
+    },
     Shadows(SoftShadows),
     Screen(Box<Screen>),
     Hull {
@@ -101,12 +108,20 @@ impl Passes {
                         sampling: look.sampling,
                         volume: look.volume,
                     };
-                    Kind::Obscurance(VolumetricObscurance::new(&gpu.device, &descriptor)?)
+                    let pass = VolumetricObscurance::new(&gpu.device, &descriptor)?;
+                    let moments = takes_areas(look.sampling)
+                        .then(|| pass.create_moments(&gpu.device, width, height))
+                        .transpose()?
+                        .map(Box::new);
+                    Kind::Obscurance { pass, moments }
                 }
             },
             Method::Hull => {
-                let room = SgHullSize::new(width, height);
-                let mut renderer = HullRenderer::new(gpu, room, Components::default())?;
+                let room = SgHullSize {
+                    grid: look.hull_size.grid,
+                    ..SgHullSize::new(width, height)
+                };
+                let mut renderer = HullRenderer::new(gpu, room, look.components)?;
                 let origin = place.views[0].1.eye;
                 let lights = renderer.lights(gpu, &place.buffers, &place.map, origin)?;
                 Kind::Hull {
@@ -118,7 +133,7 @@ impl Passes {
         let target = match &kind {
             Kind::Rays { .. } => gpu.target(TextureFormat::Rgba32Float, width, height),
             Kind::Splats { renderer, .. } => renderer.targets()[0].clone(),
-            Kind::Obscurance(_) | Kind::Shadows(_) => {
+            Kind::Obscurance { .. } | Kind::Shadows(_) => {
                 gpu.storage(TextureFormat::R32Float, width, height)
             }
             Kind::Screen(_) => gpu.storage(TextureFormat::Rgba16Float, width, height),
@@ -141,7 +156,7 @@ impl Passes {
         let format = self.target.texture().format();
         match &mut self.kind {
             Kind::Rays { .. } => self.target = gpu.target(format, width, height),
-            Kind::Obscurance(_) | Kind::Shadows(_) => {
+            Kind::Obscurance { moments: None, .. } | Kind::Shadows(_) => {
                 self.target = gpu.storage(format, width, height);
             }
             Kind::Screen(screen) => {
@@ -150,7 +165,7 @@ impl Passes {
                     *view = gpu.storage(view.texture().format(), width, height);
                 }
             }
-            Kind::Splats { .. } | Kind::Hull { .. } => return false,
+            Kind::Obscurance { .. } | Kind::Splats { .. } | Kind::Hull { .. } => return false,
         }
         self.size = size;
         true
@@ -163,6 +178,7 @@ impl Passes {
         same && match look.method {
             Method::Rays => {
                 made.rays.further.is_some() == look.rays.further.is_some()
+                    && made.rays.emitter_samples == look.rays.emitter_samples
                     && made.temporal == look.temporal
                     && made.further_bounces().is_some() == look.further_bounces().is_some()
                     && made.sky == look.sky
@@ -180,7 +196,7 @@ impl Passes {
                 look.effect != Effect::AmbientOcclusion
                     || (made.sampling, made.volume) == (look.sampling, look.volume)
             }
-            Method::Hull => true,
+            Method::Hull => (made.hull_size, made.components) == (look.hull_size, look.components),
         }
     }
 
@@ -198,7 +214,10 @@ impl Passes {
             }
             Kind::Splats { renderer, .. } => renderer.memory_bytes(),
             Kind::Hull { renderer, .. } => renderer.view.memory_bytes(),
-            Kind::Obscurance(_) | Kind::Shadows(_) | Kind::Screen(_) => 0,
+            Kind::Obscurance { moments, .. } => {
+                moments.as_deref().map_or(0, DepthMoments::memory_bytes)
+            }
+            Kind::Shadows(_) | Kind::Screen(_) => 0,
         }
     }
 
@@ -244,7 +263,9 @@ impl Passes {
                     roughness: roughness.as_ref().map(|view| view.texture().into()),
                     ..raster.gbuffer()
                 };
+                let motion = scenery.motion.filter(|_| look.joins_frames());
                 let input = RayTracedInput {
+                    motion: motion.map(|vectors| MotionVectors::uv(vectors.texture())),
                     reset: scenery.reset,
                     environment: environment.as_ref().map(EnvironmentLight::new),
                     ..RayTracedInput::new(gbuffer, camera, target)
@@ -287,14 +308,19 @@ impl Passes {
                 };
                 renderer.record(gpu, stages, &subject, &splats)
             }
-            Kind::Obscurance(pass) => {
+            Kind::Obscurance { pass, moments } => {
                 let gbuffer = raster.gbuffer();
+                if let Some(moments) = moments {
+                    stages.stage("moments", |encoder| {
+                        pass.record_moments(device, encoder, gbuffer.depth, camera, moments, None)
+                    })?;
+                }
                 let of_normals = look.volume != ObscuranceVolume::Sphere;
                 let input = ObscuranceInput {
                     depth: gbuffer.depth,
                     normals: of_normals.then(|| gbuffer.normals()),
                     camera,
-                    moments: None,
+                    moments: moments.as_deref(),
                     work: None,
                     target: target.into(),
                     timestamps: None,
@@ -372,7 +398,7 @@ fn rays(gpu: &Gpu, place: &Place, look: &Look) -> Result<Kind, Error> {
         primitives: place.primitives(),
         environment: false,
         further_bounces: look.further_bounces().is_some(),
-        temporal: look.temporal.filter(|_| look.effect != Effect::BentNormals),
+        temporal: look.temporal.filter(|_| look.joins_frames()),
         target: TextureFormat::Rgba32Float,
     };
     Ok(Kind::Rays {
@@ -448,8 +474,8 @@ fn roughness(gpu: &Gpu, look: &Look, [width, height]: [u32; 2]) -> TextureView {
 }
 
 /// The tables that obscurance has.
-pub const SAMPLINGS: [ObscuranceSampling; 8] = {
-    use ObscuranceSampling::{Lines, Points};
+pub const SAMPLINGS: [ObscuranceSampling; 13] = {
+    use ObscuranceSampling::{Areas, Lines, OneArea, Points};
     use deep_screen_space::{BallSamples as B, DiskSamples as D};
     [
         Points(B::Six),
@@ -460,5 +486,18 @@ pub const SAMPLINGS: [ObscuranceSampling; 8] = {
         Lines(D::Six),
         Lines(D::Nine),
         Lines(D::Thirteen),
+        Areas(D::Five),
+        Areas(D::Six),
+        Areas(D::Nine),
+        Areas(D::Thirteen),
+        OneArea,
     ]
 };
+
+/// Whether a sampling reads the depth's moments.
+fn takes_areas(sampling: ObscuranceSampling) -> bool {
+    matches!(
+        sampling,
+        ObscuranceSampling::Areas(_) | ObscuranceSampling::OneArea
+    )
+}

@@ -14,15 +14,51 @@ use crate::{
 /// The scenes that the sides ask for.
 #[derive(Default)]
 pub struct Scenes {
-    scenes: Vec<(Option<BounceSettings>, RayTracedScene)>,
+    scenes: Vec<(Made, RayTracedScene)>,
     primitives: Primitives,
+}
+
+/// What a scene is made for.
+#[derive(Clone, Copy, PartialEq)]
+struct Made {
+    bounces: Option<BounceSettings>,
+    /// Whether what shines is found, for rays that go there.
+    emitters: bool,
+}
+
+impl Made {
+    /// One for each number of bounces, with what shines where any side asks for it.
+    fn wanted(looks: &[&Look]) -> Vec<Self> {
+        let mut wanted: Vec<Self> = Vec::new();
+        for look in looks.iter().filter(|look| look.method == Method::Rays) {
+            let (bounces, emitters) = (look.further_bounces(), look.aims());
+            match wanted.iter_mut().find(|made| made.bounces == bounces) {
+                Some(made) => made.emitters |= emitters,
+                None => wanted.push(Self { bounces, emitters }),
+            }
+        }
+        wanted
+    }
+
+    fn create(self, gpu: &Gpu, primitives: Primitives) -> Result<RayTracedScene, Error> {
+        let device = &gpu.device;
+        let scene = match self.bounces {
+            Some(settings) => RayTracedScene::with_bounces(device, primitives, settings)?,
+            None => RayTracedScene::with_primitives(device, primitives)?,
+        };
+        if self.emitters {
+            scene.with_emitters(device)
+        } else {
+            Ok(scene)
+        }
+    }
 }
 
 impl Scenes {
     pub fn of(&self, look: &Look) -> Option<&RayTracedScene> {
         let wanted = look.further_bounces();
         let mut scenes = self.scenes.iter();
-        scenes.find_map(|(bounces, scene)| (*bounces == wanted).then_some(scene))
+        scenes.find_map(|(made, scene)| (made.bounces == wanted).then_some(scene))
     }
 
     /// Makes what the sides ask for, and lets go of what they no longer do.
@@ -34,19 +70,13 @@ impl Scenes {
             self.scenes.clear();
             self.primitives = place.primitives();
         }
-        let by_rays = looks.iter().filter(|look| look.method == Method::Rays);
-        let wanted: Vec<_> = by_rays.map(|look| look.further_bounces()).collect();
-        self.scenes.retain(|(bounces, _)| wanted.contains(bounces));
-        for bounces in wanted {
-            if self.scenes.iter().any(|(known, _)| *known == bounces) {
-                continue;
+        let wanted = Made::wanted(looks);
+        self.scenes.retain(|(made, _)| wanted.contains(made));
+        for made in wanted {
+            if self.scenes.iter().all(|(known, _)| *known != made) {
+                let scene = made.create(gpu, self.primitives)?;
+                self.scenes.push((made, scene));
             }
-            let primitives = self.primitives;
-            let scene = match bounces {
-                Some(settings) => RayTracedScene::with_bounces(&gpu.device, primitives, settings)?,
-                None => RayTracedScene::with_primitives(&gpu.device, primitives)?,
-            };
-            self.scenes.push((bounces, scene));
         }
         Ok(())
     }
@@ -64,9 +94,10 @@ impl Scenes {
     ) -> Result<(), Error> {
         let meshes = place.buffers.meshes();
         let tests = place.buffers.tests();
-        for (bounces, scene) in &mut self.scenes {
-            let of =
-                |look: &&&Look| look.method == Method::Rays && look.further_bounces() == *bounces;
+        for (made, scene) in &mut self.scenes {
+            let of = |look: &&&Look| {
+                look.method == Method::Rays && look.further_bounces() == made.bounces
+            };
             let of: Vec<_> = looks.iter().filter(of).collect();
             let reach = of.iter().map(|look| look.reach()).fold(0.0, f32::max);
             let lit = of.iter().any(|look| look.is_lit());

@@ -1,8 +1,9 @@
 //! Steps in place of hands, for tests: words, parted by semicolons.
 //!
-//! `scene NAME`, `effect a|b EFFECT METHOD`, `compare on|off`, `split SHARE`, `scale SHARE`, `show picture|error|truth`,
-//! `mover away|moves|rests`, `key LETTER FRAMES`, `drag X Y`, `resize WxH`, `frames N`, `loaded`, `traced RAYS`, `still`,
-//! `plan error|ms VALUE`, `planned`, `scroll POINTS`, `shot FILE`, `report`. The window closes after the last.
+//! `scene NAME`, `effect a|b EFFECT METHOD`, `join a|b on|off`, `lamps a|b on|off`, `compare on|off`, `split SHARE`,
+//! `scale SHARE`, `show picture|error|truth`, `mover away|moves|rests`, `key LETTER FRAMES`, `drag X Y`, `resize WxH`,
+//! `frames N`, `loaded`, `traced RAYS`, `still`, `plan error|ms VALUE`, `planned`, `scroll POINTS`, `shot FILE`, `report`. The
+//! window closes after the last.
 
 use std::{collections::VecDeque, path::PathBuf};
 
@@ -22,6 +23,10 @@ pub enum Step {
     Scene(String),
     /// Of the first or the second side.
     Effect(usize, Effect, Method),
+    /// Whether a side's frames are joined.
+    Join(usize, bool),
+    /// Whether a side's rays are aimed at what shines.
+    Lamps(usize, bool),
     Compare(bool),
     Split(f32),
     Scale(f32),
@@ -61,17 +66,24 @@ impl Script {
     }
 }
 
+/// Of a side.
+fn number(side: &str) -> Option<usize> {
+    ["a", "b"].iter().position(|s| *s == side)
+}
+
 fn step(text: &str) -> Option<Step> {
     let words: Vec<&str> = text.split_whitespace().collect();
     Some(match words[..] {
         ["scene", name] => Step::Scene(name.into()),
         ["effect", side, effect, method] => Step::Effect(
-            ["a", "b"].iter().position(|s| *s == side)?,
+            number(side)?,
             Effect::ALL.into_iter().find(|e| e.short() == effect)?,
             [Method::Rays, Method::Splats, Method::Depths, Method::Hull]
                 .into_iter()
                 .find(|m| m.short() == method)?,
         ),
+        ["join", side, on] => Step::Join(number(side)?, on == "on"),
+        ["lamps", side, on] => Step::Lamps(number(side)?, on == "on"),
         ["compare", on] => Step::Compare(on == "on"),
         ["split", share] => Step::Split(share.parse().ok()?),
         ["scale", share] => Step::Scale(share.parse().ok()?),

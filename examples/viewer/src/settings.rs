@@ -3,9 +3,10 @@
 use std::f32::consts::PI;
 
 use deep_screen_space::{
-    BounceSettings, BouncedSettings, Error, HitResolverSettings, ObscuranceSettings,
-    RayBudgetSettings, ReconstructorSettings, ScreenSpaceGiSettings, SgHullSettings,
-    SoftShadowsSettings, SplatSettings, SurfelizerSettings, TemporalSettings,
+    BounceSettings, BouncedSettings, Combine, Error, HitResolverSettings, ObscuranceSettings,
+    Payload, RayBudgetSettings, RaySettings, ReconstructorSettings, ScreenSpaceGiSettings,
+    SecondRadius, SgHullSettings, SgHullSize, SoftShadowsSettings, SplatSettings,
+    SurfelizerSettings, TemporalSettings,
 };
 
 use crate::fields::{Field, Kind, Settings, endless, even, ratios};
@@ -35,6 +36,12 @@ macro_rules! settings {
 settings!(BouncedSettings, Self::default(), "BouncedSettings::default()", [
     "rays_per_pixel", "rays", Kind::Count(even(0, 64), |s| &mut s.rays_per_pixel),
     "Rays of each pixel. Noise falls with the root of their number, time grows with it.";
+]);
+
+// The others have tables of their own.
+settings!(RaySettings, Self::new(16, Payload::LitRadiance), "RaySettings::new(16, Payload::LitRadiance)", [
+    "emitter_samples", "rays", Kind::Count(even(0, 16), |s| &mut s.emitter_samples),
+    "Rays of each pixel to surfaces that shine of themselves, beside the others.";
 ]);
 
 settings!(RayBudgetSettings, Self::default(), "RayBudgetSettings::default()", [
@@ -78,6 +85,7 @@ settings!(TemporalSettings, Self::default(), "TemporalSettings::default()", [
     "How strongly the history is held to this frame's picture; costs bias.";
 ]);
 
+// The sky is the effect's.
 settings!(BounceSettings, Self::in_frame(2), "BounceSettings::in_frame(2)", [
     "radius_pixels", "pixels", Kind::Number(ratios(0.5, 64.0), |s| &mut s.radius_pixels),
     "Of surfels: how finely further bounces are known.";
@@ -85,10 +93,14 @@ settings!(BounceSettings, Self::in_frame(2), "BounceSettings::in_frame(2)", [
     "Points of a surfel at which lights are looked up: 1, 2, 4, 8 or 16.";
     "gatherer.rays_per_surfel", "rays", Kind::Count(even(1, 64), |s| &mut s.gatherer.rays_per_surfel),
     "Rays from each side of a surfel.";
+    "gatherer.emitter_samples", "rays", Kind::Count(even(0, 16), |s| &mut s.gatherer.emitter_samples),
+    "Rays from each side to surfaces that shine of themselves, beside those.";
     "gatherer.backs", "", Kind::Flag(|s| &mut s.gatherer.backs),
     "Whether backs gather too; nothing sees those of closed bodies.";
     "gatherer.most_albedo", "", Kind::Number(even(0.0, 1.0), |s| &mut s.gatherer.most_albedo),
     "The most that surfaces reflect in further bounces.";
+    "gatherer.frame", "", Kind::Count(even(0, 64), |s| &mut s.gatherer.frame),
+    "Which set of directions rays from surfels take.";
 ]);
 
 settings!(SurfelizerSettings, Self::default(), "SurfelizerSettings::default()", [
@@ -126,11 +138,39 @@ settings!(ObscuranceSettings, Self::default(), "ObscuranceSettings::default()", 
     "The largest radius on screen.";
     "thickness", "world units", Kind::Number(endless(0.01, 100.0), |s| &mut s.thickness),
     "How thick surfaces are along the line of sight.";
+    "box_half_width", "deviations", Kind::Number(even(0.1, 4.0), |s| &mut s.box_half_width),
+    "Half the width of what stands for an area's depths; areas alone read it.";
     "turn", "", Kind::Flag(|s| &mut s.turn),
     "Whether each pixel turns its samples: bands become noise.";
     "seed", "", Kind::Count(even(0, 64), |s| &mut s.seed),
     "Of the turns.";
 ]);
+
+impl Settings for SecondRadius {
+    const TYPE: &'static str = "SecondRadius";
+    const REST: &'static str = "SecondRadius { radius: 0.25, combine: Combine::Product }";
+    const FIELDS: &'static [Field<Self>] = &[Field {
+        name: "radius",
+        unit: "world units",
+        help: "Of a second sphere, which costs as much again: a small one for fine features.",
+        kind: Kind::Number(endless(0.01, 100.0), |s| &mut s.radius),
+    }];
+
+    fn rest() -> Self {
+        Self {
+            radius: 0.25,
+            combine: Combine::Product,
+        }
+    }
+
+    fn check(&self) -> Result<(), Error> {
+        ObscuranceSettings {
+            second: Some(*self),
+            ..ObscuranceSettings::default()
+        }
+        .validate()
+    }
+}
 
 settings!(SoftShadowsSettings, Self::default(), "SoftShadowsSettings::default()", [
     "extent", "world units; of the sun a tangent", Kind::Number(even(0.0, 1.0), |s| &mut s.extent),
@@ -164,6 +204,12 @@ settings!(SgHullSettings, Self::default(), "SgHullSettings::default()", [
     "How far behind a neighbour.";
     "normal_angle", "radians", Kind::Number(even(0.0, PI), |s| &mut s.normal_angle),
     "From which angle between normals on neighbours are two surfaces.";
+]);
+
+// The rest is the picture's, and room.
+settings!(SgHullSize, Self::new(1280, 720), "SgHullSize::new(width, height)", [
+    "grid", "texels", Kind::Count(ratios(32, 2048), |s| &mut s.grid),
+    "Along the longer side of the grid that is cut into surfaces.";
 ]);
 
 #[cfg(test)]
@@ -223,6 +269,7 @@ mod tests {
     #[test]
     fn sliders_end_where_the_crate_accepts_them() {
         holds::<BouncedSettings>();
+        holds::<RaySettings>();
         holds::<RayBudgetSettings>();
         holds::<HitResolverSettings>();
         holds::<TemporalSettings>();
@@ -231,9 +278,11 @@ mod tests {
         holds::<SplatSettings>();
         holds::<ReconstructorSettings>();
         holds::<ObscuranceSettings>();
+        holds::<SecondRadius>();
         holds::<SoftShadowsSettings>();
         holds::<ScreenSpaceGiSettings>();
         holds::<SgHullSettings>();
+        holds::<SgHullSize>();
     }
 
     #[test]
@@ -242,5 +291,6 @@ mod tests {
         assert_eq!(accepted(radius), Some("0 to 16"));
         let frames = &TemporalSettings::FIELDS[0];
         assert_eq!(accepted(frames), Some("1 or more"));
+        assert_eq!(accepted(&RaySettings::FIELDS[0]), Some("0 to 16"));
     }
 }

@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
-use deep_screen_space::{Bounces, SurfelCounts};
+use deep_screen_space::{Bounces, SurfelCounts, wgpu::TextureView};
 use support::{gpu::Gpu, near::ShadowedLight, raster::Raster, stages::Stages};
 
 use crate::{
     clock::Clock,
     flight::Pose,
     look::{Effect, Look, Method},
+    motion::{Motion, Snapshot},
     passes::{Passes, Scenery},
     place::Place,
     rays::Scenes,
@@ -32,6 +33,9 @@ pub struct Sides {
     /// Why a side shows what it showed before.
     pub problems: [Option<String>; 2],
     raster: Option<Raster>,
+    motion: Option<Motion>,
+    /// What was rendered last.
+    last: Option<Snapshot>,
     /// Of the box where it is now.
     lamp: Option<ShadowedLight>,
     shown: Option<Subject>,
@@ -55,6 +59,8 @@ impl Sides {
             passes: [None, None],
             problems: [None, None],
             raster: None,
+            motion: None,
+            last: None,
             lamp: None,
             shown: None,
             left: 0,
@@ -127,6 +133,7 @@ impl Sides {
         if other_place {
             // What they were made of is another.
             self.passes = [None, None];
+            self.last = None;
         }
         self.record(gpu, (place, pose, size, rounds), looks, moved);
         self.changed = true;
@@ -174,17 +181,32 @@ impl Sides {
             let light = place.lamp.light;
             self.lamp = ShadowedLight::new(gpu, &place.scene, &place.buffers, light).ok();
         }
-        let is_sized = |raster: &Raster| {
-            let texture = raster.depth.texture();
-            [texture.width(), texture.height()] == size
-        };
-        let raster = self.raster.take().filter(is_sized);
+        let raster = self.raster.take();
+        let raster = raster.filter(|raster| size_of(&raster.depth) == size);
         let raster = raster.unwrap_or_else(|| Raster::new(gpu, size));
         let mut stages = self.clock.begin(gpu);
         stages.stage("G-buffer", |encoder| {
             let what = (&place.buffers, &camera);
             place.rasterizer.record(gpu, encoder, what, &raster);
         });
+        let now = Snapshot {
+            camera,
+            world_from_box: rounds.map(|rounds| place.mover.world_from_box(rounds)),
+        };
+        let joins = accepted.iter().any(|look| look.joins_frames());
+        let before = self.last.filter(|before| now.moved_since(before));
+        let motion = if let Some(before) = before.filter(|_| joins) {
+            let motion = self.motion.take();
+            let motion = motion.filter(|motion| size_of(motion.vectors()) == size);
+            let motion = motion.unwrap_or_else(|| Motion::new(gpu, size));
+            stages.stage("motion vectors", |encoder| {
+                motion.record(gpu, encoder, &raster, (&now, &before));
+            });
+            Some(self.motion.insert(motion).vectors())
+        } else {
+            None
+        };
+        self.last = Some(now);
         let recorded = self.scenes.make(gpu, place, &accepted).and_then(|()| {
             self.scenes
                 .record(gpu, &mut stages, (place, &camera), &accepted)
@@ -204,6 +226,7 @@ impl Sides {
                 raster: &raster,
                 lamp: self.lamp.as_ref().unwrap_or(&place.lamp),
                 moved,
+                motion,
                 reset: self.reset,
             };
             stages.side = match (looks.len(), side) {
@@ -244,12 +267,17 @@ impl Sides {
     }
 }
 
+fn size_of(view: &TextureView) -> [u32; 2] {
+    let texture = view.texture();
+    [texture.width(), texture.height()]
+}
+
 /// After how many frames a picture of a world at rest is what it will be.
 fn frames(look: &Look) -> u32 {
     if look.method != Method::Rays {
         return 0;
     }
-    let joined = look.temporal.filter(|_| look.effect != Effect::BentNormals);
+    let joined = look.temporal.filter(|_| look.joins_frames());
     let joined = joined.map_or(0, |temporal| temporal.max_frames);
     let bounced = look
         .further_bounces()
@@ -258,4 +286,73 @@ fn frames(look: &Look) -> u32 {
             bounces.frames_until(0.01).unwrap_or(MOST_FRAMES)
         });
     joined.max(bounced).min(MOST_FRAMES)
+}
+
+#[cfg(test)]
+mod tests {
+    use deep_screen_space::{Quality, TemporalSettings, glam::Vec3};
+    use support::{
+        gpu::{Ask, Gpu},
+        multires::read_image,
+    };
+
+    use super::*;
+
+    const SIZE: [u32; 2] = [96, 64];
+    const FRAMES: u32 = 8;
+
+    /// The first view of a place after some frames in which the box moves, in those pixels that show it.
+    fn of_box(gpu: &Gpu, place: &Arc<Place>, look: &Look, with_motion: bool) -> Vec<Vec3> {
+        let mut sides = Sides::new(gpu);
+        let pose = place.views[0].1;
+        for frame in 1..=FRAMES {
+            if !with_motion {
+                // As if nobody had seen where it was.
+                sides.last = None;
+            }
+            // As far as it goes where ten frames are a second.
+            let rounds = Some(0.01 * frame as f32);
+            sides.render(gpu, (place, &pose, SIZE, rounds), &[*look], false);
+            assert_eq!(sides.problems, [None, None]);
+        }
+        let raster = sides.raster.as_ref().unwrap();
+        let albedo: Vec<[f32; 4]> = gpu.read_texture(raster.albedo.texture(), 0);
+        let own = place.scene.materials.last().unwrap().albedo;
+        let picture = read_image(gpu, sides.passes(0).unwrap().target().texture());
+        let pixels = picture.into_iter().zip(albedo);
+        pixels
+            .filter(|(_, [r, g, b, _])| [*r, *g, *b] == own)
+            .map(|(light, _)| light.into())
+            .collect()
+    }
+
+    /// Joined frames of a box that moves are nearer to one frame of many rays with motion vectors than without.
+    #[test]
+    fn what_moves_takes_its_light_along() {
+        let gpu = Gpu::open(Ask::Floor).unwrap();
+        let place = Arc::new(Place::load(&gpu, "cornell").unwrap());
+        let mut look = Look::new(2.0, 1.0, Quality::Fast);
+        look.emits = true;
+        look.choose(Effect::IndirectDiffuse, Quality::Fast);
+        let mut exact = look;
+        exact.rays.rays_per_pixel = 32;
+        let truth = of_box(&gpu, &place, &exact, false);
+        assert!(truth.len() > 50, "{} pixels show the box", truth.len());
+        look.temporal = Some(TemporalSettings::default());
+        let off = |with_motion| {
+            let found = of_box(&gpu, &place, &look, with_motion);
+            let squares = found
+                .iter()
+                .zip(&truth)
+                .map(|(a, b)| a.distance_squared(*b));
+            (squares.sum::<f32>() / (3.0 * truth.len() as f32)).sqrt()
+        };
+        let [with, without] = [true, false].map(off);
+        println!("with motion vectors {with:.4}, without {without:.4}");
+        // What is left is a frame's own noise, and light that changes as the box turns.
+        assert!(
+            with < 0.6 * without,
+            "{with} with motion vectors, {without} without"
+        );
+    }
 }

@@ -1,6 +1,10 @@
 //! The window's surface: of whatever size, lost or not.
 
-use std::sync::Arc;
+use std::{
+    pin::pin,
+    sync::Arc,
+    task::{Context, Poll, Waker},
+};
 
 use deep_screen_space::wgpu;
 use support::gpu::{Ask, Gpu};
@@ -14,6 +18,8 @@ pub struct Surface {
     config: wgpu::SurfaceConfiguration,
     /// Whether it has an extent.
     open: bool,
+    /// Whether it is yet to be configured.
+    stale: bool,
 }
 
 impl Surface {
@@ -46,6 +52,7 @@ impl Surface {
             shown: surface,
             config,
             open: false,
+            stale: true,
         };
         opened.resize(&gpu);
         Ok((gpu, opened))
@@ -64,12 +71,20 @@ impl Surface {
     pub fn resize(&mut self, gpu: &Gpu) {
         let size = self.window.inner_size();
         self.open = size.width > 0 && size.height > 0;
-        if self.open {
-            let most = gpu.device.limits().max_texture_dimension_2d;
-            self.config.width = size.width.min(most);
-            self.config.height = size.height.min(most);
-            self.shown.configure(&gpu.device, &self.config);
+        let most = gpu.device.limits().max_texture_dimension_2d;
+        let size = [size.width.min(most), size.height.min(most)];
+        if self.open && (self.stale || self.size() != size) {
+            [self.config.width, self.config.height] = size;
+            self.configure(gpu);
         }
+    }
+
+    /// It is refused while another thread submits, as one does that loads or calibrates: then the next frame tries again.
+    fn configure(&mut self, gpu: &Gpu) {
+        let scope = gpu.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        self.shown.configure(&gpu.device, &self.config);
+        let refused = pin!(scope.pop()).poll(&mut Context::from_waker(Waker::noop()));
+        self.stale = !matches!(refused, Poll::Ready(None));
     }
 
     /// Whether there is anything to draw to.
@@ -79,16 +94,24 @@ impl Surface {
 
     /// What to draw the next frame to; `None` where there is none now, and the next one is to be tried.
     pub fn next(&mut self, gpu: &Gpu) -> Option<wgpu::SurfaceTexture> {
+        if self.stale {
+            self.configure(gpu);
+        }
+        if self.stale {
+            return None;
+        }
         match self.shown.get_current_texture() {
             wgpu::CurrentSurfaceTexture::Success(texture)
             | wgpu::CurrentSurfaceTexture::Suboptimal(texture) => Some(texture),
             wgpu::CurrentSurfaceTexture::Outdated => {
+                self.stale = true;
                 self.resize(gpu);
                 None
             }
             wgpu::CurrentSurfaceTexture::Lost => {
                 if let Ok(surface) = self.instance.create_surface(Arc::clone(&self.window)) {
                     self.shown = surface;
+                    self.stale = true;
                     self.resize(gpu);
                 }
                 None

@@ -69,6 +69,8 @@ fn does_what_it_is_for() {
         "effect a do rays; frames 1; report",
         "effect a do splats; frames 1; report",
         "effect a gi rays; frames 1; report",
+        "lamps a off; frames 1; report",
+        "join a on; mover moves; frames 2; report; join a off; mover rests",
         "effect a gi splats; frames 1; report",
         "effect a gi depths; frames 1; report",
         "effect a gi hull; frames 1; report",
@@ -83,7 +85,7 @@ fn does_what_it_is_for() {
     let last = "show picture; frames 2";
     let steps = format!("{}; {last}; shot {}", steps.join("; "), shot.display());
     let reports = reports(&viewer("cornell", &steps));
-    assert_eq!(reports.len(), 22, "{reports:#?}");
+    assert_eq!(reports.len(), 24, "{reports:#?}");
 
     // Each drew something, in passes of its own, and complained of nothing but the last, whose file there is not.
     let (last, others) = reports.split_last().unwrap();
@@ -98,15 +100,21 @@ fn does_what_it_is_for() {
     assert_ne!(said(&reports[0], "eye"), said(&reports[1], "eye"));
     assert_eq!(said(&reports[0], "size"), said(&reports[3], "size"));
     assert_eq!(said(&reports[2], "size"), "1x1");
+    // The lamp is as bright by rays that are aimed at it as by others, but for noise; and what moves has motion vectors where
+    // frames are joined.
+    let [aimed, others] = [&reports[11], &reports[12]].map(|report| number(report, "mean"));
+    assert!((aimed - others).abs() < 0.2 * aimed, "{aimed} and {others}");
+    let [one, joined] = [&reports[12], &reports[13]].map(|report| number(report, "stages"));
+    assert_eq!(joined, one + 1.0);
     // The cheapest plan for an error of a half is one that reads the depth buffer.
-    assert_eq!(said(&reports[19], "method"), "depths");
+    assert_eq!(said(&reports[21], "method"), "depths");
     // Rays are nearer to what rays say than depths are: 0.04 and 0.22. By how much depends on how far the truth has come, whose
     // own noise, 0.1 with 16 rays, is taken out.
-    let off = said(&reports[20], "rmse");
+    let off = said(&reports[22], "rmse");
     let (rays, depths) = off.split_once(',').unwrap();
     let (rays, depths): (f64, f64) = (rays.parse().unwrap(), depths.parse().unwrap());
     assert!(rays > 0.0 && rays < 0.08 && depths > 2.0 * rays, "{off}");
-    assert!(number(&reports[20], "rays") >= 16.0);
+    assert!(number(&reports[22], "rays") >= 16.0);
     // Both sides' pictures were saved, for measuring and for looking.
     for name in [
         "ao-rays-1.png",

@@ -9,8 +9,9 @@ use super::State;
 use crate::display::{Arrangement, Shown, Side};
 
 impl State {
-    /// Draws both sides and the panel into the window, or into the file that a script asks for.
-    pub(super) fn present(&mut self, output: egui::FullOutput) -> Result<(), String> {
+    /// Draws both sides and the panel into the window, or into the file that a script asks for. False where the window takes no
+    /// picture now.
+    pub(super) fn present(&mut self, output: egui::FullOutput) -> Result<bool, String> {
         let egui::FullOutput {
             platform_output,
             mut textures_delta,
@@ -33,7 +34,9 @@ impl State {
             self.draw(&target, &jobs, pixels_per_point);
             self.write_shot(&path, &target)?;
         }
-        if let Some(texture) = self.surface.next(&self.gpu) {
+        let next = self.surface.next(&self.gpu);
+        let shown = next.is_some();
+        if let Some(texture) = next {
             let view = texture
                 .texture
                 .create_view(&wgpu::TextureViewDescriptor::default());
@@ -46,7 +49,9 @@ impl State {
         }
         // Nothing else waits for the device, which has to say what it is done with.
         let polled = self.gpu.device.poll(wgpu::PollType::Poll);
-        polled.map(|_| ()).map_err(|e| format!("the device: {e}"))
+        polled
+            .map(|_| shown)
+            .map_err(|e| format!("the device: {e}"))
     }
 
     fn draw(

@@ -328,7 +328,7 @@ impl State {
             .map_or(Duration::MAX, |viewport| viewport.repaint_delay);
         let resting = self.render();
         self.trace();
-        self.present(output)?;
+        let shown = self.present(output)?;
         let complaint = self.complaint.lock();
         if let Some(text) = complaint.unwrap_or_else(PoisonError::into_inner).take() {
             self.message = Some(format!("the device: {text}"));
@@ -340,7 +340,7 @@ impl State {
         let moving = self.flight.is_moving() || self.panel.moves == Motion::Moving;
         let delay = if moving || !resting || self.script.is_some() {
             Duration::ZERO
-        } else if waits {
+        } else if waits || !shown {
             OFTEN.min(delay)
         } else {
             delay

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use deep_screen_space::glam::DVec2;
+use deep_screen_space::{TemporalSettings, glam::DVec2};
 use support::multires::read_image;
 use winit::dpi::PhysicalSize;
 
@@ -84,6 +84,10 @@ impl State {
                 look.method = *method;
                 look.choose(*effect, quality);
             }
+            Step::Join(side, on) => {
+                self.panel.looks[*side].temporal = on.then(TemporalSettings::default);
+            }
+            Step::Lamps(side, on) => self.panel.looks[*side].aim(*on),
             Step::Compare(on) => self.panel.compare = *on,
             Step::Split(share) => self.panel.split = *share,
             Step::Scale(scale) => self.panel.scale = *scale,
@@ -95,7 +99,10 @@ impl State {
                     return Progress::Done;
                 }
                 let size = PhysicalSize::new(*width, *height);
-                let _ = self.window.request_inner_size(size);
+                // Where the window decides by itself no event follows.
+                if self.window.request_inner_size(size).is_some() {
+                    self.surface.resize(&self.gpu);
+                }
                 return Progress::Waits;
             }
             Step::Loaded => return wait(self.loading.is_none()),

@@ -1,14 +1,15 @@
 //! What an effect and a method have to set.
 
 use deep_screen_space::{
-    BounceSettings, BouncedSettings, Bounces, ObscuranceVolume, Overlap, RayBudgetSettings,
-    Scattering, TemporalSettings,
+    BounceSettings, BouncedSettings, Bounces, Combine, Components, ObscuranceVolume, Overlap,
+    Placement, RayBudgetSettings, Scattering, SecondRadius, TemporalSettings,
 };
 use egui::{ComboBox, Slider, SliderClamping, Ui};
 use support::sky;
 
 use super::controls::{color, fields, label, number, option, section};
 use crate::{
+    fields::Settings,
     look::{Effect, Look, Method},
     passes::SAMPLINGS,
 };
@@ -26,6 +27,13 @@ pub(super) fn settings(ui: &mut Ui, look: &mut Look) {
                     .logarithmic(true)
                     .clamping(SliderClamping::Always),
             );
+            ui.horizontal(|ui| {
+                ui.label("placement");
+                let placement = &mut look.splats.surfelizer.placement;
+                for of in [Placement::Centroid, Placement::Random, Placement::Grid] {
+                    ui.selectable_value(placement, of, format!("{of:?}"));
+                }
+            });
             section(ui, "Surfels", &mut look.splats.surfelizer);
             section(ui, "Splats", &mut look.splats.splat);
             section(ui, "Reconstruction", &mut look.splats.reconstructor);
@@ -36,6 +44,7 @@ pub(super) fn settings(ui: &mut Ui, look: &mut Look) {
             _ => {
                 obscurance_settings(ui, look);
                 fields(ui, &mut look.obscurance);
+                second_radius(ui, &mut look.obscurance.second);
             }
         },
         Method::Hull => {
@@ -45,6 +54,13 @@ pub(super) fn settings(ui: &mut Ui, look: &mut Look) {
                     ui.selectable_value(&mut look.hull.quad, quad, quad.to_string());
                 }
             });
+            ui.horizontal(|ui| {
+                ui.label("components");
+                for of in [Components::UnionFind, Components::Propagation] {
+                    ui.selectable_value(&mut look.components, of, format!("{of:?}"));
+                }
+            });
+            fields(ui, &mut look.hull_size);
             fields(ui, &mut look.hull);
         }
     }
@@ -145,6 +161,20 @@ fn ray_settings(ui: &mut Ui, look: &mut Look) {
     };
     fields(ui, &mut bounced);
     look.rays.rays_per_pixel = bounced.rays_per_pixel;
+    if look.is_lit() && look.emits {
+        let mut aims = look.rays.emitter_samples > 0;
+        let help = "Some of the rays go to surfaces that shine of themselves, which few others meet where lamps are small.";
+        if ui
+            .checkbox(&mut aims, "rays at lamps")
+            .on_hover_text(help)
+            .changed()
+        {
+            look.aim(aims);
+        }
+        if aims {
+            ui.indent("rays at lamps", |ui| fields(ui, &mut look.rays));
+        }
+    }
     if look.effect != Effect::IndirectSpecular {
         option(
             ui,
@@ -158,16 +188,13 @@ fn ray_settings(ui: &mut Ui, look: &mut Look) {
         option(ui, "frames are joined", &mut look.temporal, fallback);
     }
     if look.is_lit() {
-        let fallback = BounceSettings::in_frame(2);
-        option(ui, "further bounces", &mut look.bounces, fallback);
+        let in_frame = look.suited(BounceSettings::in_frame(2));
+        let by_frames = look.suited(BounceSettings::over_frames());
+        option(ui, "further bounces", &mut look.bounces, in_frame);
         if let Some(settings) = &mut look.bounces {
             let mut over_frames = settings.bounces == Bounces::OverFrames;
             if ui.checkbox(&mut over_frames, "over frames").changed() {
-                *settings = if over_frames {
-                    BounceSettings::over_frames()
-                } else {
-                    BounceSettings::in_frame(2)
-                };
+                *settings = if over_frames { by_frames } else { in_frame };
             }
             if let Bounces::InFrame(bounces) = &mut settings.bounces {
                 ui.add(Slider::new(bounces, 2..=16).text("bounces, 2 to 16"));
@@ -175,6 +202,18 @@ fn ray_settings(ui: &mut Ui, look: &mut Look) {
         }
     }
     section(ui, "Filter", &mut look.rays.filter);
+}
+
+fn second_radius(ui: &mut Ui, second: &mut Option<SecondRadius>) {
+    option(ui, "a second radius", second, SecondRadius::rest());
+    if let Some(second) = second {
+        ui.horizontal(|ui| {
+            ui.label("combine");
+            for of in [Combine::Product, Combine::Minimum] {
+                ui.selectable_value(&mut second.combine, of, format!("{of:?}"));
+            }
+        });
+    }
 }
 
 fn obscurance_settings(ui: &mut Ui, look: &mut Look) {

@@ -9,6 +9,8 @@ use egui::{
     Ui,
 };
 
+use support::lights::is_emissive;
+
 use self::look::settings;
 use crate::{
     clock::Row,
@@ -125,6 +127,7 @@ impl Panel {
         for (look, quality) in self.looks.iter_mut().zip(self.qualities) {
             let radius = place.radius();
             let mut suited = Look::new(radius, radius, quality);
+            suited.emits = is_emissive(&place.scene);
             suited.choose(look.effect, quality);
             suited.method = look.method;
             *look = suited;

@@ -1,15 +1,16 @@
-use deep_screen_space::{wgpu::TextureFormat, *};
+use deep_screen_space::{wgpu::{Device, TextureFormat}, *};
 
-pub fn made(target: TextureFormat) -> (RayTracedViewDescriptor, BounceSettings) {
-    let effect = RayTracedEffect::IndirectDiffuse { sky_radiance: [0.0; 3] };
+pub fn made(device: Device, target: TextureFormat) -> Result<(RayTracedScene, RayTracedViewDescriptor, BounceSettings), Error> {
+    let effect = RayTracedEffect::IndirectDiffuse { sky_radiance: [1.0, 2.0, 3.0] };
     let rays = RaySettings {
-        rays_per_pixel: 4,
+        rays_per_pixel: 3,
         further: Some(RayBudgetSettings::default()),
-        emitter_samples: 0,
+        emitter_samples: 1,
         filter: HitResolverSettings {
             radius: 10,
             spread: 5.456317,
             damping: 0.3,
+            variance_clamp: 2.0,
             narrowing: 0.6,
             ..HitResolverSettings::default()
         },
@@ -19,12 +20,15 @@ pub fn made(target: TextureFormat) -> (RayTracedViewDescriptor, BounceSettings) 
         radius_pixels: 4.0,
         samples: 4,
         gatherer: SurfelGathererSettings {
-            rays_per_surfel: 16,
+            rays_per_surfel: 13,
+            emitter_samples: 3,
             backs: true,
             most_albedo: 1.0,
-            ..SurfelGathererSettings::default()
+            sky_radiance: [1.0, 2.0, 3.0],
+            frame: 0,
         },
     };
+    let scene = RayTracedScene::with_bounces(&device, Primitives::Triangles, bounces)?.with_emitters(&device)?;
     let descriptor = RayTracedViewDescriptor {
         rays,
         temporal: Some(TemporalSettings {
@@ -34,5 +38,5 @@ pub fn made(target: TextureFormat) -> (RayTracedViewDescriptor, BounceSettings) 
         further_bounces: true,
         ..RayTracedViewDescriptor::new(effect, Quality::Balanced, target)
     };
-    (descriptor, bounces)
+    Ok((scene, descriptor, bounces))
 }

@@ -8,6 +8,7 @@ pub fn made() -> (Effect, SplatQuality) {
     }
     .effect();
     let surfelizer = SurfelizerSettings {
+        placement: Placement::Random,
         radius_pixels: 4.0,
         ..SurfelizerSettings::default()
     };
