@@ -71,16 +71,16 @@ fn ratios<'m>(
             let place = own.take_while(|r| r.method != rung.method).count();
             let predicted = match table {
                 Some(lines) => {
-                    let difference = match kind {
+                    let known = match kind {
                         MethodKind::Rays => calibration.rays,
                         MethodKind::Splats => calibration.splats,
                         MethodKind::Obscurance => calibration.obscurance,
                     };
                     let line = lines
                         .iter()
-                        .find(|l| l.effect == view.effect && l.kind == kind);
-                    line.zip(difference.and_then(|d| d.difference))
-                        .map(|(line, d)| d * line.of_difference * line.errors[place])
+                        .find(|l| l.curve == view.curve && l.kind == kind);
+                    line.zip(known)
+                        .and_then(|(line, known)| line.error(place, &known))
                 }
                 None => weighed
                     .iter()
@@ -91,7 +91,7 @@ fn ratios<'m>(
                 continue;
             }
             if let Some(predicted) = predicted {
-                let label = format!("{} {} {}", view.view, view.effect, rung.name);
+                let label = format!("{} {}", view.label(), rung.name);
                 all.push((label, predicted / rung.error));
             }
         }
@@ -126,7 +126,7 @@ pub fn times(all: &[Measured]) {
         for rung in &view.rungs {
             let found = plan.weighed.iter().find(|c| c.method == rung.method);
             if let Some(predicted) = found.and_then(|c| c.milliseconds) {
-                let label = format!("{} {} {}", view.view, view.effect, rung.name);
+                let label = format!("{} {}", view.label(), rung.name);
                 ratios.push((label, predicted / (rung.scene_ms + rung.view_ms)));
             }
         }
@@ -156,8 +156,10 @@ pub fn budgets(all: &[Measured]) {
                     met += 1;
                 } else {
                     println!(
-                        "  {} {}: {:.4} was asked for, {} has {:.4}",
-                        view.view, view.effect, asked, rung.name, rung.error
+                        "  {}: {asked:.4} was asked for, {} has {:.4}",
+                        view.label(),
+                        rung.name,
+                        rung.error
                     );
                 }
             }

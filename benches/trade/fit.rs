@@ -1,17 +1,31 @@
 //! The table of `src/planner/curves.rs`, from what was measured.
 
-use deep_screen_space::planner::MethodKind;
+use deep_screen_space::planner::{MethodCalibration, MethodKind};
 
-use crate::measure::Measured;
+use crate::measure::{CURVES, Measured};
 
 /// One method's line of the table.
 #[derive(Clone, Debug)]
 pub struct Fitted {
-    pub effect: &'static str,
+    pub curve: &'static str,
     pub kind: MethodKind,
     pub errors: Vec<f64>,
     pub typical: f64,
     pub of_difference: f64,
+}
+
+impl Fitted {
+    /// The error of a rung, of a calibration.
+    pub fn error(&self, place: usize, known: &MethodCalibration) -> Option<f64> {
+        let found = self.errors[place];
+        if let Some([cheap, dear]) = known.errors {
+            let [cheap, dear] = [cheap, dear].map(|error| error.max(1e-6));
+            let last = self.errors.last()?;
+            let along = (found.ln() / last.ln()).clamp(-3.0, 1.0);
+            return Some(cheap * (dear / cheap).powf(along));
+        }
+        Some(known.difference? * self.of_difference * found)
+    }
 }
 
 /// An error below which there is none.
@@ -25,35 +39,40 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
     (sum / f64::from(count.max(1))).exp()
 }
 
-/// Of all effects and methods.
+/// Of all curves and methods.
 pub fn fit(all: &[&Measured]) -> Vec<Fitted> {
     let mut lines = Vec::new();
-    for effect in ["within", "unbounded", "light"] {
+    for curve in CURVES {
         for kind in MethodKind::ALL {
-            let cheap = if kind == MethodKind::Rays { 2 } else { 0 };
-            let views: Vec<(Vec<f64>, f64)> = all
+            let views: Vec<(Vec<f64>, (f64, f64))> = all
                 .iter()
-                .filter(|view| view.effect == effect)
+                .filter(|view| view.curve == curve)
                 .filter_map(|view| {
+                    let [cheap, _] = kind.calibrated(&view.asked)?;
                     let rungs = view.rungs.iter().filter(|rung| rung.method.kind() == kind);
-                    let named = |(name, _): &&(String, f64)| *name == format!("{kind:?}");
-                    let difference = view.differences.iter().find(named)?.1;
-                    let errors: Vec<f64> = rungs.map(|rung| rung.error).collect();
+                    let rungs: Vec<_> = rungs.collect();
+                    let cheap = rungs.iter().find(|rung| rung.method == cheap)?;
                     // Where nothing is seen to vary there is no curve.
-                    (errors[cheap] > NOTHING).then_some((errors, difference))
+                    (cheap.error > NOTHING).then(|| {
+                        let relative = rungs.iter().map(|rung| rung.error / cheap.error);
+                        (relative.collect(), (cheap.error, cheap.apart))
+                    })
                 })
                 .collect();
             let Some((first, _)) = views.first() else {
                 continue;
             };
-            let errors = (0..first.len())
-                .map(|i| mean(views.iter().map(|(errors, _)| errors[i] / errors[cheap])));
+            let errors = (0..first.len()).map(|i| mean(views.iter().map(|(errors, _)| errors[i])));
             lines.push(Fitted {
-                effect,
+                curve,
                 kind,
                 errors: errors.collect(),
-                typical: mean(views.iter().map(|(errors, _)| errors[cheap])),
-                of_difference: mean(views.iter().map(|(errors, d)| errors[cheap] / d.max(1e-6))),
+                typical: mean(views.iter().map(|(_, (error, _))| *error)),
+                of_difference: mean(
+                    views
+                        .iter()
+                        .map(|(_, (error, apart))| error / apart.max(1e-6)),
+                ),
             });
         }
     }
@@ -65,7 +84,7 @@ pub fn print(all: &[Measured]) {
     let all: Vec<&Measured> = all.iter().collect();
     println!("\nsrc/planner/curves.rs:");
     for Fitted {
-        effect,
+        curve,
         kind,
         errors,
         typical,
@@ -74,7 +93,7 @@ pub fn print(all: &[Measured]) {
     {
         let errors: Vec<String> = errors.iter().map(|e| format!("{e:.3}")).collect();
         println!(
-            "{effect:9} {kind:10?} errors: &[{}], typical: {typical:.4}, of_difference: {of_difference:.3}",
+            "{curve:9} {kind:10?} errors: &[{}], typical: {typical:.4}, of_difference: {of_difference:.3}",
             errors.join(", ")
         );
     }

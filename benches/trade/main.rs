@@ -4,7 +4,12 @@
 //! on software drivers. Prints what `src/planner/curves.rs` holds, fitted to the crate's own scenes, and then, on scenes that it
 //! was not fitted on, what plans predict beside what was measured: `cargo bench --bench trade -- SCENE.glb --cameras FILE` takes
 //! those of the files with the table that the crate has; without files each of the crate's scenes is predicted by a table of the
-//! others (errors alone, as times need no table). Writes `target/bench/trade.json`.
+//! others (errors alone, as times need no table). Writes `target/bench/trade.json`, view by view.
+//!
+//! `--effect` takes one curve alone, with a file of its own: `within` and `unbounded` of ambient occlusion, `light` of one
+//! diffuse bounce, `sky` of what a sky with a small sun gives, `bent` of bent normals, and `glossy` of a glossy bounce of
+//! roughness 0.3 and of 1. The last three are told with a reference that the passes render themselves
+//! (`support::calibration::Reference`), and their errors are of a third of the pixels, but for those drawn and cast apart.
 
 mod check;
 mod fit;
@@ -36,6 +41,12 @@ struct Options {
     /// A JSON file of cameras by scene, as the example `render` reads them.
     #[arg(long)]
     cameras: Option<PathBuf>,
+    /// One curve in place of all, with its rows in `target/bench/trade-CURVE.json`.
+    #[arg(long, value_parser = measure::CURVES)]
+    effect: Option<String>,
+    /// Of the pictures.
+    #[arg(long, default_value = "256x160", value_parser = bench::parse_size)]
+    size: [u32; 2],
     /// Two scenes and small pictures: to see that it works.
     #[arg(long)]
     quick: bool,
@@ -69,7 +80,11 @@ fn main() -> ExitCode {
 fn run(options: &Options) -> Result<(), String> {
     let gpu = Gpu::open(Ask::room_from_env()?)?;
     let effort = Effort {
-        size: if options.quick { [96, 64] } else { [256, 160] },
+        size: if options.quick {
+            [96, 64]
+        } else {
+            options.size
+        },
         rays: if options.quick { 16 } else { 64 },
         runs: 2,
     };
@@ -79,16 +94,20 @@ fn run(options: &Options) -> Result<(), String> {
     } else {
         from_files(options)?
     };
+    let asked = |curve: &&str| options.effect.as_ref().is_none_or(|only| only == curve);
+    let curves: Vec<&str> = measure::CURVES.into_iter().filter(asked).collect();
+    let rows = options.effect.as_ref();
+    let rows = rows.map_or_else(|| "trade".into(), |curve| format!("trade-{curve}"));
     let bar = bench::progress(views.len());
     let mut all: Vec<Measured> = Vec::new();
     for (name, scene, view) in &views {
         let stage = Stage::new(&gpu, &effort, (scene, view))?;
-        let measured = bar.suspend(|| measure::measure(&stage, name))?;
+        let measured = bar.suspend(|| measure::measure(&stage, name, &curves))?;
         all.extend(measured);
+        bench::write_rows(&rows, &all)?;
         bar.inc(1);
     }
     bar.finish_and_clear();
-    bench::write_rows("trade", &all)?;
     if options.scenes.is_empty() {
         fit::print(&all);
         check::left_out(&all);

@@ -1,21 +1,23 @@
 //! What plans are made of: the rungs of each method rendered and timed.
 
 use deep_screen_space::{
-    AmbientOcclusion, Camera, CloudCapacity, Light, ObscuranceInput, Payload, RayTracedEffect,
-    VolumetricObscurance,
-    glam::DVec3,
+    AmbientOcclusion, BentNormals, Camera, CloudCapacity, DirectionalOcclusion, Environment,
+    EnvironmentBuilder, EnvironmentSettings, Light, ObscuranceInput, Payload, RaySettings,
+    RayTracedEffect, Sampling, SpecularBounce, VolumetricObscurance,
     planner::{Calibration, Method, MethodCalibration, MethodKind},
+    reference::environment,
     wgpu,
 };
 
 use crate::{
     ambient_occlusion::Renderer,
-    bounced::{BouncedRenderer, RayRoom},
+    apart::apart,
+    bounced::{BouncedRenderer, Picture, RayRoom},
     gpu::Gpu,
-    presets,
+    presets::{self, BouncedPreset},
     raster::Raster,
     scene::SceneBuffers,
-    stage::luminance,
+    sky,
 };
 
 /// What is rendered.
@@ -27,12 +29,48 @@ pub struct Subject<'a> {
     pub buffers: &'a SceneBuffers,
     pub drawn: &'a Raster,
     pub lights: &'a [Light],
+    /// For effects of an environment.
+    pub sky: Option<&'a environment::Picture>,
+    /// Perceptual, of all surfaces, for glossy light.
+    pub roughness: f32,
+}
+
+impl Subject<'_> {
+    /// Which pixels show surfaces.
+    pub fn shown(&self) -> Vec<bool> {
+        let normals: Vec<[f32; 4]> = self.gpu.read_texture(self.drawn.normal.texture(), 0);
+        normals.iter().map(|n| *n != [0.0; 4]).collect()
+    }
+
+    /// Of as many cells as by default, or for a reference as the picture has, as far as may be.
+    fn environment(&self, exact: bool) -> Result<Option<Environment>, String> {
+        let mut settings = EnvironmentSettings {
+            levels: true,
+            ..EnvironmentSettings::default()
+        };
+        if let (true, Some(picture)) = (exact, self.sky) {
+            let [columns, rows] = picture.size.map(|n| n as u32);
+            settings.size = [columns.clamp(16, 2048), rows.clamp(8, 1024)];
+        }
+        let build = |picture| {
+            let builder = EnvironmentBuilder::new(&self.gpu.device)?;
+            sky::build(self.gpu, &builder, picture, &settings)
+        };
+        self.sky.map(build).transpose().map_err(|e| e.to_string())
+    }
+
+    fn roughness(&self) -> wgpu::TextureView {
+        let [width, height] = self.size;
+        let texels = vec![self.roughness; (width * height) as usize];
+        let format = wgpu::TextureFormat::R32Float;
+        self.gpu.texture(format, width, height, &texels)
+    }
 }
 
 /// A picture and what it took.
-pub struct Picture {
-    /// Visibility, or luminance.
-    pub values: Vec<f32>,
+pub struct Rendered {
+    /// Visibility in red, or light, or bent normals and visibility.
+    pub pixels: Vec<[f32; 4]>,
     /// Time of what views share, and of the rest.
     pub scene_ms: f64,
     pub view_ms: f64,
@@ -48,13 +86,9 @@ pub fn calibrate(subject: &Subject<'_>, effect: &RayTracedEffect) -> Result<Cali
         pictures.push((kind, render(subject, effect, &rungs)?));
     }
     let rays = pictures.iter().find(|p| p.0 == MethodKind::Rays);
-    let best = &rays.ok_or("every effect has rays")?.1[1].values;
-    let normals: Vec<[f32; 4]> = subject.gpu.read_texture(subject.drawn.normal.texture(), 0);
-    let shown: Vec<bool> = normals.iter().map(|n| *n != [0.0; 4]).collect();
-    let level = match effect {
-        RayTracedEffect::AmbientOcclusion { .. } => 1.0,
-        _ => mean(best, &shown).max(f64::MIN_POSITIVE),
-    };
+    let best = &rays.ok_or("every effect has rays")?.1[1].pixels;
+    let shown = subject.shown();
+    let reference = Reference::of(subject, effect)?;
     let of = |wanted: MethodKind| {
         let (_, pictures) = pictures.iter().find(|p| p.0 == wanted)?;
         let [cheap, dear] = &pictures[..] else {
@@ -63,7 +97,10 @@ pub fn calibrate(subject: &Subject<'_>, effect: &RayTracedEffect) -> Result<Cali
         Some(MethodCalibration {
             scene_ms: cheap.scene_ms,
             view_ms: [cheap.view_ms, dear.view_ms],
-            difference: Some(difference(&cheap.values, best, &shown) / level),
+            difference: Some(apart(effect, &cheap.pixels, best, &shown)),
+            errors: reference
+                .as_ref()
+                .map(|r| [cheap, dear].map(|picture| r.error(effect, &picture.pixels, &shown))),
         })
     };
     Ok(Calibration {
@@ -75,45 +112,107 @@ pub fn calibrate(subject: &Subject<'_>, effect: &RayTracedEffect) -> Result<Cali
     })
 }
 
-fn mean(values: &[f32], of: &[bool]) -> f64 {
-    let chosen = values.iter().zip(of).filter(|(_, of)| **of);
-    let (sum, count) = chosen.fold((0.0, 0_u32), |(sum, count), (v, _)| {
-        (sum + f64::from(*v), count + 1)
-    });
-    sum / f64::from(count.max(1))
-}
-
-/// Root mean square of the difference, over those pixels.
-pub fn difference(a: &[f32], b: &[f32], of: &[bool]) -> f64 {
-    let squares: Vec<f32> = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).collect();
-    mean(&squares, of).sqrt()
-}
-
 /// Renders rungs of one method.
 pub fn render(
     subject: &Subject<'_>,
     effect: &RayTracedEffect,
     rungs: &[Method],
-) -> Result<Vec<Picture>, String> {
+) -> Result<Vec<Rendered>, String> {
     match rungs.first().map(Method::kind) {
         None => Ok(Vec::new()),
         Some(MethodKind::Rays) => by_rays(subject, effect, rungs),
-        Some(MethodKind::Splats) => by_splats(subject, rungs),
+        Some(MethodKind::Splats) => by_splats(subject, effect, rungs),
         Some(MethodKind::Obscurance) => by_reads(subject, rungs),
     }
 }
 
-/// The faster of two runs, after one that compiles the pipelines.
+/// Rays without a filter, of so many frames that little noise is left.
+pub struct Reference {
+    /// Of the first half of the frames, of the second half, and of all.
+    means: [Vec<[f32; 4]>; 3],
+}
+
+/// Frames of 64 rays.
+const FRAMES: u32 = 16;
+
+impl Reference {
+    /// For effects whose errors differences of two pictures tell too little of.
+    pub fn of(subject: &Subject<'_>, effect: &RayTracedEffect) -> Result<Option<Self>, String> {
+        if let RayTracedEffect::AmbientOcclusion { .. } | RayTracedEffect::IndirectDiffuse { .. } =
+            effect
+        {
+            return Ok(None);
+        }
+        let mut rays = RaySettings::new(64, effect.payload());
+        rays.filter.radius = 0;
+        let mut renderer = ray_renderer(subject, effect, true)?;
+        let mut preset = presets::of(&rays, radius_of(effect));
+        let [width, height] = subject.size;
+        let mut halves = [0, 1].map(|_| vec![[0.0_f32; 4]; (width * height) as usize]);
+        for frame in 0..FRAMES {
+            preset.bounced.frame = frame;
+            let picture = renderer.render(subject, &preset)?;
+            let sum = &mut halves[usize::from(frame >= FRAMES / 2)];
+            for (sum, texel) in sum.iter_mut().zip(picture.pixels) {
+                add(effect, sum, texel);
+            }
+        }
+        let share = 2.0 / FRAMES as f32;
+        let halves = halves.map(|half| {
+            let mean = |sum: [f32; 4]| sum.map(|channel| channel * share);
+            half.into_iter().map(mean).collect::<Vec<_>>()
+        });
+        let both = halves[0].iter().zip(&halves[1]);
+        let all = both.map(|(a, b)| [0, 1, 2, 3].map(|i| 0.5 * (a[i] + b[i])));
+        let all = all.collect();
+        let [first, second] = halves;
+        Ok(Some(Self {
+            means: [first, second, all],
+        }))
+    }
+
+    /// How far a picture is off, less the reference's own noise.
+    pub fn error(&self, effect: &RayTracedEffect, pixels: &[[f32; 4]], shown: &[bool]) -> f64 {
+        let [first, second, all] = &self.means;
+        let noise = 0.5 * apart(effect, first, second, shown);
+        let found = apart(effect, pixels, all, shown);
+        (found * found - noise * noise).max(0.0).sqrt()
+    }
+}
+
+/// Rays that a reference aims at what shines.
+const AIMED: u32 = 16;
+
+/// A direction counts by how much is open about it.
+fn add(effect: &RayTracedEffect, sum: &mut [f32; 4], texel: [f32; 4]) {
+    let weight = match effect {
+        RayTracedEffect::BentNormals { .. } => texel[3],
+        _ => 1.0,
+    };
+    for (sum, channel) in sum.iter_mut().zip(&texel[..3]) {
+        *sum += weight * channel;
+    }
+    sum[3] += texel[3];
+}
+
+/// Milliseconds beside which what a machine has else to do is little.
+const LONG: f64 = 500.0;
+
+/// The faster of two runs, after one that compiles the pipelines. One, where it takes long anyway.
 fn fastest(
     first: bool,
-    mut render: impl FnMut() -> Result<Picture, String>,
-) -> Result<Picture, String> {
+    mut render: impl FnMut() -> Result<Rendered, String>,
+) -> Result<Rendered, String> {
     if first {
         render()?;
     }
-    let [a, b] = [render()?, render()?];
-    Ok(Picture {
-        values: a.values,
+    let a = render()?;
+    if a.view_ms > LONG {
+        return Ok(a);
+    }
+    let b = render()?;
+    Ok(Rendered {
+        pixels: a.pixels,
         scene_ms: a.scene_ms.min(b.scene_ms),
         view_ms: a.view_ms.min(b.view_ms),
     })
@@ -128,60 +227,92 @@ fn split(passes: &[(&str, f64)], shared: &[&str]) -> (f64, f64) {
     (sum(true), sum(false))
 }
 
-fn by_rays(
+/// What renders rungs of rays.
+struct Rays {
+    renderer: BouncedRenderer,
+    is_lit: bool,
+}
+
+impl Rays {
+    fn render(&mut self, subject: &Subject<'_>, preset: &BouncedPreset) -> Result<Picture, String> {
+        let lights = if self.is_lit { subject.lights } else { &[] };
+        let Subject {
+            gpu,
+            drawn,
+            buffers,
+            camera,
+            ..
+        } = *subject;
+        self.renderer
+            .render(gpu, drawn, buffers, camera, lights, preset)
+            .map_err(|e| e.to_string())
+    }
+}
+
+fn radius_of(effect: &RayTracedEffect) -> f32 {
+    match effect {
+        RayTracedEffect::AmbientOcclusion { radius }
+        | RayTracedEffect::DirectionalOcclusion { radius }
+        | RayTracedEffect::BentNormals { radius } => *radius,
+        RayTracedEffect::IndirectDiffuse { .. } | RayTracedEffect::IndirectSpecular { .. } => {
+            f32::INFINITY
+        }
+    }
+}
+
+/// Of rungs, or of what they are held against.
+fn ray_renderer(
     subject: &Subject<'_>,
     effect: &RayTracedEffect,
-    rungs: &[Method],
-) -> Result<Vec<Picture>, String> {
+    exact: bool,
+) -> Result<Rays, String> {
     let triangles = subject.buffers.triangles();
     let capacity = CloudCapacity {
         surfels: 0,
         pieces: triangles + 100_000,
         triangles,
     };
-    let radius = match effect {
-        RayTracedEffect::AmbientOcclusion { radius } => *radius,
-        _ => f32::INFINITY,
-    };
     let payload = effect.payload();
-    let is_light = payload == Payload::LitRadiance;
+    let is_lit = payload == Payload::LitRadiance;
+    let glossy = matches!(effect, RayTracedEffect::IndirectSpecular { .. });
     let room = RayRoom {
         rays_per_pixel: 64,
-        counted: is_light,
+        counted: is_lit && !exact,
+        bent_normals: matches!(effect, RayTracedEffect::BentNormals { .. }),
+        sampling: if glossy {
+            Sampling::Glossy
+        } else {
+            Sampling::default()
+        },
+        emitter_samples: if is_lit && exact { AIMED } else { 0 },
         ..RayRoom::default()
     };
     let mut renderer = BouncedRenderer::new(subject.gpu, payload, capacity, subject.size, room)
         .map_err(|e| e.to_string())?;
-    let lights = if is_light { subject.lights } else { &[] };
+    if payload == Payload::Sky {
+        renderer.scene.environment = subject.environment(exact)?;
+    }
+    renderer.roughness = glossy.then(|| subject.roughness());
+    Ok(Rays { renderer, is_lit })
+}
+
+fn by_rays(
+    subject: &Subject<'_>,
+    effect: &RayTracedEffect,
+    rungs: &[Method],
+) -> Result<Vec<Rendered>, String> {
+    let mut renderer = ray_renderer(subject, effect, false)?;
     let rays = rungs.iter().filter_map(|rung| match rung {
-        Method::Rays(rays) => Some(presets::of(rays, radius)),
+        Method::Rays(rays) => Some(presets::of(rays, radius_of(effect))),
         _ => None,
     });
     rays.enumerate()
         .map(|(i, preset)| {
             fastest(i == 0, || {
-                let picture = renderer
-                    .render(
-                        subject.gpu,
-                        subject.drawn,
-                        subject.buffers,
-                        subject.camera,
-                        lights,
-                        &preset,
-                    )
-                    .map_err(|e| e.to_string())?;
+                let picture = renderer.render(subject, &preset)?;
                 let (scene_ms, view_ms) = split(&picture.passes, &["surfelize", "bvh"]);
-                let light = |c: [f32; 3]| luminance(DVec3::from(c.map(f64::from)));
-                Ok(Picture {
-                    values: if is_light {
-                        picture
-                            .radiance()
-                            .into_iter()
-                            .map(|c| light(c) as f32)
-                            .collect()
-                    } else {
-                        picture.visibility()
-                    },
+                Ok(Rendered {
+                    pixels: picture.pixels,
                     scene_ms,
                     view_ms,
                 })
@@ -190,17 +321,32 @@ fn by_rays(
         .collect()
 }
 
-fn by_splats(subject: &Subject<'_>, rungs: &[Method]) -> Result<Vec<Picture>, String> {
+fn by_splats(
+    subject: &Subject<'_>,
+    effect: &RayTracedEffect,
+    rungs: &[Method],
+) -> Result<Vec<Rendered>, String> {
     let triangles = subject.buffers.triangles();
     let capacity = CloudCapacity {
         surfels: 1 << 19,
         pieces: triangles + 100_000,
         triangles,
     };
-    let effect = AmbientOcclusion::default();
+    let effect = match effect {
+        RayTracedEffect::DirectionalOcclusion { .. } => DirectionalOcclusion::default().effect(),
+        RayTracedEffect::BentNormals { .. } => BentNormals::default().effect(),
+        RayTracedEffect::IndirectSpecular { .. } => SpecularBounce::default()
+            .effect()
+            .map_err(|e| e.to_string())?,
+        _ => AmbientOcclusion::default().effect(),
+    };
     let size = subject.size;
     let mut renderer =
-        Renderer::new(subject.gpu, effect, capacity, size, 5, false).map_err(|e| e.to_string())?;
+        Renderer::of(subject.gpu, &effect, capacity, size, 5, false).map_err(|e| e.to_string())?;
+    if effect.environment {
+        renderer.environment = subject.environment(false)?;
+    }
+    renderer.roughness = effect.roughness.then(|| subject.roughness());
     let splats = rungs.iter().filter_map(|rung| match rung {
         Method::Splats(splats) => Some(*splats),
         _ => None,
@@ -210,17 +356,23 @@ fn by_splats(subject: &Subject<'_>, rungs: &[Method]) -> Result<Vec<Picture>, St
         .map(|(i, preset)| {
             fastest(i == 0, || {
                 let picture = renderer
-                    .render(
+                    .render_scene(
                         subject.gpu,
                         subject.drawn,
-                        &subject.buffers.meshes(),
+                        subject.buffers,
                         subject.camera,
+                        subject.lights,
                         &preset,
                     )
                     .map_err(|e| e.to_string())?;
-                let (scene_ms, view_ms) = split(&picture.passes, &["surfelize"]);
-                Ok(Picture {
-                    values: picture.visibility,
+                let shared = ["surfelize", "holes", "bvh", "light"];
+                let (scene_ms, view_ms) = split(&picture.passes, &shared);
+                let grey = |v: f32| [v, v, v, 1.0];
+                Ok(Rendered {
+                    pixels: match picture.pictures.into_iter().next() {
+                        Some(pixels) => pixels,
+                        None => picture.visibility.into_iter().map(grey).collect(),
+                    },
                     scene_ms,
                     view_ms,
                 })
@@ -229,7 +381,7 @@ fn by_splats(subject: &Subject<'_>, rungs: &[Method]) -> Result<Vec<Picture>, St
         .collect()
 }
 
-fn by_reads(subject: &Subject<'_>, rungs: &[Method]) -> Result<Vec<Picture>, String> {
+fn by_reads(subject: &Subject<'_>, rungs: &[Method]) -> Result<Vec<Rendered>, String> {
     let device = &subject.gpu.device;
     let [width, height] = subject.size;
     let target = device.create_texture(&wgpu::TextureDescriptor {
@@ -271,8 +423,9 @@ fn by_reads(subject: &Subject<'_>, rungs: &[Method]) -> Result<Vec<Picture>, Str
                     .gpu
                     .time(|encoder| pass.record(device, encoder, &input, settings));
                 done.map_err(|e| e.to_string())?;
-                Ok(Picture {
-                    values: subject.gpu.read_texture(&target, 0),
+                let visibility: Vec<f32> = subject.gpu.read_texture(&target, 0);
+                Ok(Rendered {
+                    pixels: visibility.into_iter().map(|v| [v, v, v, 1.0]).collect(),
                     scene_ms: 0.0,
                     view_ms,
                 })

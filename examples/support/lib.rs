@@ -9,6 +9,8 @@
 #[cfg(feature = "native")]
 pub mod ambient_occlusion;
 #[cfg(feature = "native")]
+pub mod apart;
+#[cfg(feature = "native")]
 pub mod arguments;
 #[cfg(feature = "native")]
 pub mod bench;

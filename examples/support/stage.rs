@@ -4,10 +4,11 @@ use std::f64::consts::PI;
 
 use deep_screen_space::{
     Camera, Light, Viewport,
-    glam::DVec3,
+    glam::{DQuat, DVec3},
     reference::{
+        environment::{Cells, Picture},
         gbuffer,
-        trace::{Estimate, Receiver, Tracer},
+        trace::{BentEstimate, ColorEstimate, Estimate, Gloss, Receiver, Tracer},
     },
     scenes::{Scene, View},
 };
@@ -60,6 +61,11 @@ pub struct Stage<'g> {
     receivers: Vec<Option<Receiver>>,
 }
 
+/// How far a surface's depth, one over a distance, may be from what was drawn, relative, and the cosine between both normals: far
+/// more than rounding brings, and less than there is between surfaces.
+const SAME_DEPTH: f64 = 1e-3;
+const SAME_NORMAL: f64 = 0.99;
+
 /// The traced truth of a view within a radius.
 pub struct Truth {
     pub estimates: Vec<Option<Estimate>>,
@@ -67,6 +73,32 @@ pub struct Truth {
     pub level: f64,
     /// Where it is known.
     pub depth_alone_rmse: Option<f64>,
+}
+
+impl Truth {
+    /// Of luminances.
+    fn of_light(estimates: Vec<Option<Estimate>>) -> Self {
+        let seen = estimates.iter().flatten();
+        let level = seen.clone().map(|e| e.mean).sum::<f64>() / seen.count().max(1) as f64;
+        let level = if level > 0.0 { level } else { 1.0 };
+        let relative = |e: Estimate| Estimate {
+            mean: e.mean / level,
+            standard_error: e.standard_error / level,
+        };
+        Self {
+            estimates: estimates.into_iter().map(|e| e.map(relative)).collect(),
+            level,
+            depth_alone_rmse: None,
+        }
+    }
+}
+
+/// Its luminance. That of the standard errors is at least the luminance's own.
+fn grey(color: Option<ColorEstimate>) -> Option<Estimate> {
+    color.map(|color| Estimate {
+        mean: luminance(color.mean),
+        standard_error: luminance(color.standard_error),
+    })
 }
 
 impl<'g> Stage<'g> {
@@ -122,6 +154,8 @@ impl<'g> Stage<'g> {
             buffers: &self.buffers,
             drawn: &self.drawn,
             lights: &self.lights,
+            sky: None,
+            roughness: 0.3,
         }
     }
 
@@ -167,22 +201,68 @@ impl<'g> Stage<'g> {
                 })
             })
             .collect();
-        let seen = estimates.iter().flatten();
-        let level = seen.clone().map(|e| e.mean).sum::<f64>() / seen.count().max(1) as f64;
-        let level = if level > 0.0 { level } else { 1.0 };
-        Truth {
-            estimates: estimates
-                .into_iter()
-                .map(|e| {
-                    e.map(|e| Estimate {
-                        mean: e.mean / level,
-                        standard_error: e.standard_error / level,
-                    })
-                })
-                .collect(),
-            level,
-            depth_alone_rmse: None,
-        }
+        Truth::of_light(estimates)
+    }
+
+    /// The traced luminance of what a white surface sends on of a sky, in units of its mean over the pixels.
+    pub fn sky_truth(&self, sky: &Picture, radius: f32) -> Truth {
+        let cells = Cells::new(sky.clone(), DQuat::IDENTITY);
+        let how = (f64::from(radius), 8 * self.effort.rays);
+        let traced = self
+            .tracer
+            .environment_image(&self.third(), &cells, how, 1, false);
+        Truth::of_light(traced.into_iter().map(grey).collect())
+    }
+
+    /// The traced luminance of one bounce off glossy surfaces, in units of its mean over the pixels.
+    pub fn glossy_truth(&self, roughness: f32) -> Truth {
+        let materials = self.scene.triangle_materials();
+        let gloss = Gloss {
+            eye: self.camera.eye(),
+            roughness: roughness.into(),
+            f0: DVec3::splat(0.04),
+        };
+        let (sources, how) = (
+            (&materials[..], &self.lights[..]),
+            (16 * self.effort.rays, 1),
+        );
+        let traced = self
+            .tracer
+            .glossy_image(&self.third(), &gloss, sources, how, false);
+        Truth::of_light(traced.into_iter().map(grey).collect())
+    }
+
+    /// The traced mean directions in which nothing is, by two sets of rays that know nothing of each other.
+    pub fn bent_truth(&self, radius: f32) -> [Vec<Option<BentEstimate>>; 2] {
+        let (receivers, rays) = (self.third(), 8 * self.effort.rays);
+        let image = |seed| {
+            self.tracer
+                .bent_normal_image(&receivers, f64::from(radius), rays, seed, false)
+        };
+        [1, 2].map(image)
+    }
+
+    /// One receiver of three, of which no row, column or square of pixels has more than others. Those are left out where a ray
+    /// through the pixel's middle meets another surface than was drawn there, as along some edges: what is told of the one is
+    /// not true of the other.
+    fn third(&self) -> Vec<Option<Receiver>> {
+        let width = self.effort.size[0] as usize;
+        let depths: Vec<f32> = self.gpu.read_texture(self.drawn.depth.texture(), 0);
+        let normals: Vec<[f32; 4]> = self.gpu.read_texture(self.drawn.normal.texture(), 0);
+        let is_drawn = |i: usize, receiver: &Receiver| {
+            let [x, y, z, _] = normals[i].map(f64::from);
+            let place = self.camera.project(receiver.position - self.camera.eye());
+            let depth = place.map_or(0.0, |place| place.z);
+            let turned = DVec3::new(x, y, z).dot(receiver.shading_normal.normalize_or_zero());
+            (f64::from(depths[i]) - depth).abs() < SAME_DEPTH * depth && turned > SAME_NORMAL
+        };
+        let receivers = self.receivers.iter().enumerate();
+        let taken = |(i, receiver): (usize, &Option<Receiver>)| {
+            let receiver = (*receiver)?;
+            let third = (i % width + i / width).is_multiple_of(3);
+            (third && is_drawn(i, &receiver)).then_some(receiver)
+        };
+        receivers.map(taken).collect()
     }
 
     /// What each pixel sends towards the eye of the light that reaches it straight, and of its own: what a depth-only method

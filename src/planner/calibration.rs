@@ -38,10 +38,16 @@ pub struct MethodCalibration {
     pub scene_ms: f64,
     /// Time of one view by each of the two settings, milliseconds, at least 0: all that follows the scene.
     pub view_ms: [f64; 2],
-    /// Root mean square, over the pixels that show surfaces, of how far the picture by the cheap setting is from the picture by
-    /// the dear setting of [`MethodKind::Rays`]; of light in units of that picture's mean. At least 0; `None` where it was not
-    /// measured.
+    /// How far the picture by the cheap setting is from the picture by the dear setting of [`MethodKind::Rays`], over the pixels
+    /// that show surfaces, as the effect's [error](super#errors): units and cones are those of the picture by the dear setting.
+    /// At least 0; `None` where it was not measured.
     pub difference: Option<f64>,
+    /// The [errors](super#errors) of both settings' pictures, each at least 0, against a reference: the mean of some frames of 64
+    /// rays per pixel, [`BouncedSettings::frame`](crate::BouncedSettings::frame) counted up, and 0 for
+    /// [`HitResolverSettings::radius`](crate::HitResolverSettings::radius). Skies, bent normals and glossy light need it for
+    /// plans that hold: what more rays gain is another share in each scene, which no difference of filtered pictures tells.
+    /// `None` where it was not measured.
+    pub errors: Option<[f64; 2]>,
 }
 
 /// A way to an effect.
@@ -61,14 +67,19 @@ impl MethodKind {
 
     /// The settings of this kind that plans choose among, from the cheapest; none for an effect that the method does not have.
     pub fn rungs(self, effect: &RayTracedEffect) -> Vec<Method> {
-        let payload = effect.payload();
         match (self, effect) {
-            (Self::Rays, _) => RAYS
-                .map(|rays| Method::Rays(RaySettings::new(rays, payload)))
-                .into(),
-            (Self::Splats, RayTracedEffect::AmbientOcclusion { radius }) => Quality::ALL
-                .map(|quality| Method::Splats(quality.splats(*radius)))
-                .into(),
+            (Self::Rays, effect) => {
+                let rungs = &RAYS[fewest(effect)..];
+                let rung = |&rays| Method::Rays(in_all(rays, effect));
+                rungs.iter().map(rung).collect()
+            }
+            (
+                Self::Splats,
+                RayTracedEffect::AmbientOcclusion { radius }
+                | RayTracedEffect::DirectionalOcclusion { radius }
+                | RayTracedEffect::BentNormals { radius },
+            ) => splats(*radius),
+            (Self::Splats, RayTracedEffect::IndirectSpecular { .. }) => splats(f32::INFINITY),
             (Self::Obscurance, RayTracedEffect::AmbientOcclusion { radius })
                 if radius.is_finite() =>
             {
@@ -92,18 +103,46 @@ impl MethodKind {
     /// Those of the [rungs](Self::rungs) that a calibration renders: a cheap one and the dearest.
     pub fn calibrated(self, effect: &RayTracedEffect) -> Option<[Method; 2]> {
         let rungs = self.rungs(effect);
-        let cheap = *rungs.get(self.cheap())?;
+        let cheap = *rungs.get(self.cheap(effect))?;
         Some([cheap, *rungs.last()?])
     }
 
     /// Which rung the cheap one is.
-    pub(super) fn cheap(self) -> usize {
+    pub(super) fn cheap(self, effect: &RayTracedEffect) -> usize {
         match self {
             // Fewer rays are noise, which says little about the scene.
-            Self::Rays => 2,
+            Self::Rays => 2 - fewest(effect),
             Self::Splats | Self::Obscurance => 0,
         }
     }
+}
+
+/// Which number of rays an effect begins with: of a sky with a sun one ray alone says nothing, and of a mean direction two.
+fn fewest(effect: &RayTracedEffect) -> usize {
+    match effect {
+        RayTracedEffect::DirectionalOcclusion { .. } => 1,
+        RayTracedEffect::BentNormals { .. } => 2,
+        _ => 0,
+    }
+}
+
+/// So many rays per pixel in all, as suits an effect.
+fn in_all(rays: u32, effect: &RayTracedEffect) -> RaySettings {
+    let payload = effect.payload();
+    let glossy = matches!(effect, RayTracedEffect::IndirectSpecular { .. });
+    // Fewer rays do not tell where noise is.
+    let settings = if glossy && rays >= 8 {
+        RaySettings::with_further(rays / 2, (rays / 2) as f32, payload)
+    } else {
+        RaySettings::new(rays, payload)
+    };
+    effect.suited(settings)
+}
+
+fn splats(radius: f32) -> Vec<Method> {
+    Quality::ALL
+        .map(|quality| Method::Splats(quality.splats(radius)))
+        .into()
 }
 
 impl Calibration {
@@ -139,6 +178,14 @@ impl Calibration {
                 (
                     "MethodCalibration::difference",
                     method.difference.unwrap_or(0.0),
+                ),
+                (
+                    "MethodCalibration::errors",
+                    method.errors.map_or(0.0, |errors| errors[0]),
+                ),
+                (
+                    "MethodCalibration::errors",
+                    method.errors.map_or(0.0, |errors| errors[1]),
                 ),
             ] {
                 check_setting(

@@ -5,6 +5,9 @@ use super::MethodKind;
 /// Rays per pixel of the rungs.
 pub(super) const RAYS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
 
+/// What is as good as no error.
+const LEAST: f64 = 1e-6;
+
 /// One method's errors, from its cheapest rung to its dearest.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Curve {
@@ -25,6 +28,15 @@ impl Curve {
         let (x, y) = (&works[above - 1..=above], &self.errors[above - 1..=above]);
         let share = ((work / x[0]).ln() / (x[1] / x[0]).ln()).clamp(0.0, 1.0);
         y[0] * (y[1] / y[0]).powf(share)
+    }
+
+    /// The same through the errors that the calibrated rungs were found to have: the curve as steep as it takes.
+    pub fn through(&self, [cheap, dear]: [f64; 2], works: &[f64], work: f64) -> f64 {
+        let [cheap, dear] = [cheap, dear].map(|error| error.max(LEAST));
+        let last = self.errors[self.errors.len() - 1];
+        // From the cheap rung to the dear one 0 to 1.
+        let along = (self.at(works, work).ln() / last.ln()).clamp(-3.0, 1.0);
+        cheap * (dear / cheap).powf(along)
     }
 }
 
@@ -89,5 +101,51 @@ pub(super) const LIGHT: Curves = Curves {
         of_difference: 1.149,
     },
     splats: None,
+    obscurance: None,
+};
+
+/// What a sky gives, of rungs from 2 rays on: of one that is dim but for a sun of 1° about its middle, which gives a surface that
+/// faces it about four times what the rest does; within a radius and without one.
+pub(super) const SKY: Curves = Curves {
+    rays: Curve {
+        errors: &[1.194, 1.0, 0.833, 0.539, 0.289, 0.213],
+        typical: 0.1165,
+        of_difference: 1.081,
+    },
+    splats: Some(Curve {
+        errors: &[1.0, 0.894, 0.847],
+        typical: 0.2109,
+        of_difference: 0.978,
+    }),
+    obscurance: None,
+};
+
+/// Bent normals, of rungs from 4 rays on, within a radius and without one: errors are degrees.
+pub(super) const BENT: Curves = Curves {
+    rays: Curve {
+        errors: &[1.0, 0.852, 0.503, 0.391, 0.265],
+        typical: 5.8309,
+        of_difference: 1.028,
+    },
+    splats: Some(Curve {
+        errors: &[1.0, 0.824, 0.770],
+        typical: 18.0645,
+        of_difference: 1.006,
+    }),
+    obscurance: None,
+};
+
+/// One glossy bounce of light, of roughness 0.3 and of 1, at 96 x 64 pixels.
+pub(super) const GLOSSY: Curves = Curves {
+    rays: Curve {
+        errors: &[1.461, 1.328, 1.0, 0.748, 0.625, 0.464, 0.353],
+        typical: 0.9839,
+        of_difference: 1.136,
+    },
+    splats: Some(Curve {
+        errors: &[1.0, 0.815, 0.743],
+        typical: 1.2831,
+        of_difference: 1.023,
+    }),
     obscurance: None,
 };

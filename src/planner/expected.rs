@@ -1,7 +1,10 @@
 //! What is expected of a method and its settings: error, time and memory.
 
 use super::{Calibration, Candidate, Method, MethodKind, PlanRequest, SceneCounts, curves::Curve};
-use crate::{bvh::Primitives, instanced_bvh::INSTANCE_BYTES, surfel::CloudCapacity};
+use crate::{
+    SurfelRadiance, bvh::Primitives, instanced_bvh::INSTANCE_BYTES,
+    ray_traced::view::RayTracedEffect, surfel::CloudCapacity,
+};
 
 /// One level where it fits, since rays traverse it faster.
 pub(super) fn primitives_for(request: &PlanRequest<'_>) -> (Primitives, Option<String>) {
@@ -46,11 +49,15 @@ pub(super) fn candidates(
         .iter()
         .map(Method::work)
         .collect();
-    let cheap = works.get(kind.cheap()).copied().unwrap_or_default();
+    let cheap = works.get(kind.cheap(&request.effect));
+    let cheap = cheap.copied().unwrap_or_default();
     let dear = works.last().copied().unwrap_or_default();
     let candidate = |&method: &Method| Candidate {
         method,
-        error: first * curve.at(&works, method.work()),
+        error: match calibrated.and_then(|(_, known)| known.errors) {
+            Some(errors) => curve.through(errors, &works, method.work()),
+            None => first * curve.at(&works, method.work()),
+        },
         milliseconds: calibrated.map(|(calibration, known)| {
             let share = (method.work() - cheap) / (dear - cheap);
             let [low, high] = known.view_ms;
@@ -104,6 +111,14 @@ impl Method {
     }
 }
 
+/// What a pixel of a level of splats takes.
+fn channel_bytes(effect: &RayTracedEffect) -> f64 {
+    match effect {
+        RayTracedEffect::AmbientOcclusion { .. } => 4.0,
+        _ => 16.0,
+    }
+}
+
 /// What the objects of a method own. In floats, since no count is too large for them; an integer of them saturates.
 fn memory(request: &PlanRequest<'_>, method: &Method, primitives: Primitives) -> u64 {
     let [width, height] = request.size.map(f64::from);
@@ -135,7 +150,19 @@ fn memory(request: &PlanRequest<'_>, method: &Method, primitives: Primitives) ->
             // About as many surfels as there are disks of that radius in the picture, on each side of what is seen.
             let surfels = 4.0 * pixels / (radius * radius) + triangles;
             let levels = f64::from(splats.splat.levels);
-            (32.0 + 2.0 * levels) * surfels + 56.0 * triangles + pixels * (16.0 + 8.0 * levels)
+            // A level of the view and one of the filter.
+            let level = 2.0 * channel_bytes(&request.effect);
+            // What surfels send, and what hides lights from them.
+            let lit = match request.effect {
+                RayTracedEffect::IndirectSpecular { .. } => {
+                    size_of::<SurfelRadiance>() as f64 * surfels + 151.0 * triangles
+                }
+                _ => 0.0,
+            };
+            (32.0 + 2.0 * levels) * surfels
+                + 56.0 * triangles
+                + lit
+                + pixels * (16.0 + level * levels)
         }
         Method::Obscurance { .. } => 0.0,
     };

@@ -33,6 +33,19 @@
 //! ```
 //!
 //! `examples/plan.rs` measures a calibration and prints a plan.
+//!
+//! # Errors
+//!
+//! What an error is depends on the effect:
+//!
+//! * of [`AmbientOcclusion`](RayTracedEffect::AmbientOcclusion) the root mean square of visibility, 0 to 1;
+//! * of [`DirectionalOcclusion`](RayTracedEffect::DirectionalOcclusion), [`IndirectDiffuse`](RayTracedEffect::IndirectDiffuse)
+//!   and [`IndirectSpecular`](RayTracedEffect::IndirectSpecular) the root mean square of luminance, in units of its mean;
+//! * of [`BentNormals`](RayTracedEffect::BentNormals) the mean angle in degrees, over the pixels whose
+//!   [cone](crate::HitResolver::cone_angle) is narrower than 60°.
+//!
+//! Skies, bent normals and glossy light need [`MethodCalibration::errors`] for plans that hold. Plans for glossy light are the
+//! least sure: scenes differ more than one curve can say, and rough surfaces have the curve of smooth ones.
 
 mod adaptive;
 mod calibration;
@@ -105,8 +118,8 @@ impl SceneCounts {
 /// What a plan has to meet. The cheapest rung that does is chosen, or of a time the most exact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Budget {
-    /// The largest root mean square error, above 0: of visibility, 0 to 1; of light in units of its mean. What is predicted for
-    /// the setting that is chosen is a fifth less, so that nine plans of ten hold.
+    /// The largest [error](self#errors), above 0. What is predicted for the setting that is chosen is a fifth less, so that nine
+    /// plans of ten hold.
     Error(f64),
     /// The longest time of the scene's recording and one view's together, milliseconds, above 0. Needs a calibration.
     Milliseconds(f64),
@@ -119,7 +132,9 @@ pub enum Budget {
 pub enum Method {
     /// [`RayTracedView`](crate::RayTracedView).
     Rays(RaySettings),
-    /// [`ShellSplatter`](crate::ShellSplatter).
+    /// [`ShellSplatter`](crate::ShellSplatter), of the effect's own name: [`AmbientOcclusion`](crate::AmbientOcclusion),
+    /// [`DirectionalOcclusion`](crate::DirectionalOcclusion), [`BentNormals`](crate::BentNormals) or, for glossy light,
+    /// [`SpecularBounce`](crate::SpecularBounce), each by default.
     Splats(SplatQuality),
     /// [`VolumetricObscurance`](crate::VolumetricObscurance).
     Obscurance {
@@ -148,7 +163,7 @@ pub struct Plan {
 pub struct Candidate {
     /// The method.
     pub method: Method,
-    /// Root mean square error: of visibility, 0 to 1; of light in units of its mean.
+    /// The [error](self#errors).
     pub error: f64,
     /// Time of the scene's recording and one view's, milliseconds, where a calibration knows the method.
     pub milliseconds: Option<f64>,
@@ -171,7 +186,10 @@ pub fn plan(request: &PlanRequest<'_>) -> Result<Plan, Error> {
     let curves = match request.effect {
         RayTracedEffect::AmbientOcclusion { radius } if radius.is_finite() => curves::WITHIN_RADIUS,
         RayTracedEffect::AmbientOcclusion { .. } => curves::UNBOUNDED,
-        _ => curves::LIGHT,
+        RayTracedEffect::DirectionalOcclusion { .. } => curves::SKY,
+        RayTracedEffect::BentNormals { .. } => curves::BENT,
+        RayTracedEffect::IndirectDiffuse { .. } => curves::LIGHT,
+        RayTracedEffect::IndirectSpecular { .. } => curves::GLOSSY,
     };
     let (primitives, refused) = primitives_for(request);
     let mut weighed = Vec::new();
@@ -179,7 +197,9 @@ pub fn plan(request: &PlanRequest<'_>) -> Result<Plan, Error> {
         if let Some(curve) = curves.of(kind) {
             let rungs = match (kind, request.budget) {
                 (MethodKind::Rays, Budget::Quality(quality)) => {
-                    vec![Method::Rays(quality.rays(request.effect.payload()))]
+                    let effect = request.effect;
+                    let rays = quality.rays(effect.payload());
+                    vec![Method::Rays(effect.suited(rays))]
                 }
                 (_, Budget::Quality(_)) => Vec::new(),
                 _ => kind.rungs(&request.effect),
@@ -214,24 +234,21 @@ fn check(request: &PlanRequest<'_>) -> Result<(), Error> {
     for side in request.size {
         check_setting(side > 0, "PlanRequest::size", side, "at least 1 x 1")?;
     }
-    let measured = match request.effect {
+    let bounded = match request.effect {
         RayTracedEffect::AmbientOcclusion { radius } => {
-            check_setting(
-                radius >= 0.0,
-                "RayTracedEffect::AmbientOcclusion::radius",
-                radius,
-                "0 to infinity",
-            )?;
-            true
+            Some(("RayTracedEffect::AmbientOcclusion::radius", radius))
         }
-        effect => matches!(effect, RayTracedEffect::IndirectDiffuse { .. }),
+        RayTracedEffect::DirectionalOcclusion { radius } => {
+            Some(("RayTracedEffect::DirectionalOcclusion::radius", radius))
+        }
+        RayTracedEffect::BentNormals { radius } => {
+            Some(("RayTracedEffect::BentNormals::radius", radius))
+        }
+        RayTracedEffect::IndirectDiffuse { .. } | RayTracedEffect::IndirectSpecular { .. } => None,
     };
-    check_setting(
-        measured,
-        "PlanRequest::effect",
-        f64::from(u8::from(measured)),
-        "ambient occlusion and indirect diffuse light, whose errors were measured",
-    )?;
+    if let Some((field, radius)) = bounded {
+        check_setting(radius >= 0.0, field, radius, "0 to infinity")?;
+    }
     if let Some(calibration) = request.calibration {
         calibration.validate()?;
     }

@@ -1,9 +1,23 @@
+use wgpu::TextureFormat;
+
 use super::*;
+use crate::{HitResolverSettings, RayTracedViewDescriptor};
 
 const RADIUS: RayTracedEffect = RayTracedEffect::AmbientOcclusion { radius: 2.0 };
 const LIGHT: RayTracedEffect = RayTracedEffect::IndirectDiffuse {
     sky_radiance: [0.0; 3],
 };
+
+/// Each effect.
+const EFFECTS: [RayTracedEffect; 5] = [
+    RADIUS,
+    RayTracedEffect::DirectionalOcclusion { radius: 2.0 },
+    RayTracedEffect::BentNormals { radius: 2.0 },
+    LIGHT,
+    RayTracedEffect::IndirectSpecular {
+        sky_radiance: [0.0; 3],
+    },
+];
 
 fn calibration() -> Calibration {
     let method = |scene_ms, low, high, difference| {
@@ -11,6 +25,7 @@ fn calibration() -> Calibration {
             scene_ms,
             view_ms: [low, high],
             difference: Some(difference),
+            errors: None,
         })
     };
     Calibration {
@@ -37,7 +52,7 @@ fn planned(effect: RayTracedEffect, budget: Budget, calibration: Option<&Calibra
 #[test]
 fn an_error_is_met_by_the_cheapest_that_does() {
     let calibration = calibration();
-    for effect in [RADIUS, LIGHT] {
+    for effect in EFFECTS {
         for error in [0.5, 0.2, 0.1, 0.05, 0.03] {
             let plan = planned(effect, Budget::Error(error), Some(&calibration));
             let meets = |c: &&Candidate| c.error * MARGIN <= error && c.milliseconds.is_some();
@@ -80,7 +95,7 @@ fn a_time_is_met_by_the_most_exact_that_does() {
 #[test]
 fn calibrated_rungs_are_predicted_as_they_were_measured() {
     let calibration = calibration();
-    for effect in [RADIUS, LIGHT] {
+    for effect in EFFECTS {
         let plan = planned(effect, Budget::Error(1.0), Some(&calibration));
         for kind in MethodKind::ALL {
             let (Some(rungs), Some(known)) = (kind.calibrated(&effect), calibration.of(kind))
@@ -102,12 +117,68 @@ fn calibrated_rungs_are_predicted_as_they_were_measured() {
 
 #[test]
 fn qualities_are_rays_as_they_are_set() {
-    for quality in Quality::ALL {
-        let plan = planned(LIGHT, Budget::Quality(quality), None);
-        let expected = quality.rays(LIGHT.payload());
-        assert_eq!(plan.chosen.method, Method::Rays(expected));
-        assert_eq!(plan.chosen.milliseconds, None);
-        assert!(plan.chosen.error > 0.0);
+    for effect in EFFECTS {
+        let mut errors = Vec::new();
+        for quality in Quality::ALL {
+            let plan = planned(effect, Budget::Quality(quality), None);
+            let view = RayTracedViewDescriptor::new(effect, quality, TextureFormat::Rgba16Float);
+            assert_eq!(plan.chosen.method, Method::Rays(view.rays));
+            assert_eq!(plan.chosen.milliseconds, None);
+            errors.push(plan.chosen.error);
+        }
+        assert!(errors.is_sorted_by(|a, b| a > b), "{effect:?}: {errors:?}");
+    }
+}
+
+/// Each rung of rays has as many as it says, and the filter of its effect.
+#[test]
+fn rays_are_as_their_effect_needs_them() {
+    for effect in EFFECTS {
+        let rungs = MethodKind::Rays.rungs(&effect);
+        let few = curves::RAYS.len() - rungs.len();
+        for (rung, &all) in rungs.iter().zip(&curves::RAYS[few..]) {
+            let Method::Rays(rays) = rung else {
+                panic!("{rung} is no number of rays");
+            };
+            assert_eq!(rays.all_rays(), f64::from(all));
+            let expected = match effect {
+                RayTracedEffect::AmbientOcclusion { .. } => HitResolverSettings::for_occlusion(all),
+                RayTracedEffect::DirectionalOcclusion { .. } => {
+                    HitResolverSettings::for_environment(all)
+                }
+                RayTracedEffect::BentNormals { .. } => HitResolverSettings::for_bent_normals(all),
+                RayTracedEffect::IndirectDiffuse { .. } => HitResolverSettings::for_light(all),
+                RayTracedEffect::IndirectSpecular { .. } => {
+                    HitResolverSettings::for_glossy_light(all)
+                }
+            };
+            assert_eq!(rays.filter, expected, "{effect:?}, {all}");
+        }
+    }
+}
+
+/// Methods that an effect does not have are not weighed, and those that it has are, with what they keep per pixel.
+#[test]
+fn methods_are_those_of_the_effect() {
+    let calibration = calibration();
+    let weighed = |effect| planned(effect, Budget::Error(0.1), Some(&calibration)).weighed;
+    let kinds = |effect| {
+        let mut kinds: Vec<_> = weighed(effect).iter().map(|c| c.method.kind()).collect();
+        kinds.dedup();
+        kinds
+    };
+    assert_eq!(kinds(RADIUS), MethodKind::ALL);
+    assert_eq!(kinds(LIGHT), [MethodKind::Rays]);
+    for effect in [EFFECTS[1], EFFECTS[2], EFFECTS[4]] {
+        assert_eq!(kinds(effect), [MethodKind::Rays, MethodKind::Splats]);
+        // A view's levels of four channels for one.
+        let splats = |effect| {
+            let all = weighed(effect);
+            let found = all.iter().find(|c| c.method.kind() == MethodKind::Splats);
+            found.map(|c| c.memory_bytes).expect("splats are weighed")
+        };
+        let more = splats(effect) - splats(RADIUS);
+        assert!(more >= 500_000 * 5 * 2 * (16 - 4), "{effect:?}: {more}");
     }
 }
 
@@ -184,8 +255,20 @@ fn what_cannot_be_planned_for_is_a_typed_error() {
         scene_ms: f64::NAN,
         view_ms: [1.0, 2.0],
         difference: None,
+        errors: None,
     });
     assert!(request([10, 10], error, Some(&broken)).contains("MethodCalibration::scene_ms"));
+    let broken = [[-1.0, 0.1], [0.1, f64::NAN], [f64::INFINITY, 0.1]].map(|errors| {
+        let mut broken = calibration();
+        broken.rays = broken.rays.map(|rays| MethodCalibration {
+            errors: Some(errors),
+            ..rays
+        });
+        broken
+    });
+    for broken in &broken {
+        assert!(request([10, 10], error, Some(broken)).contains("MethodCalibration::errors"));
+    }
 }
 
 /// Neither counts nor sizes are too large to plan for.
@@ -212,30 +295,120 @@ fn the_largest_counts_are_planned_for() {
     assert!(matches!(request(LIGHT, all), Err(Error::Limit { .. })));
     let none = SceneCounts::once(0);
     assert!(request(LIGHT, none).is_ok_and(|plan| plan.chosen.milliseconds.is_some()));
-    for effect in [
-        RayTracedEffect::AmbientOcclusion { radius: f32::NAN },
-        RayTracedEffect::AmbientOcclusion { radius: -1.0 },
-        RayTracedEffect::BentNormals { radius: 1.0 },
-        RayTracedEffect::DirectionalOcclusion { radius: 1.0 },
-        RayTracedEffect::IndirectSpecular {
-            sky_radiance: [0.0; 3],
-        },
-    ] {
-        let refused = request(effect, none);
-        assert!(matches!(refused, Err(Error::Setting { .. })), "{effect:?}");
+    for effect in EFFECTS {
+        assert!(request(effect, none).is_ok(), "{effect:?}");
+    }
+}
+
+#[test]
+fn radii_out_of_range_are_refused() {
+    for radius in [f32::NAN, -1.0] {
+        for (effect, field) in [
+            (
+                RayTracedEffect::AmbientOcclusion { radius },
+                "RayTracedEffect::AmbientOcclusion::radius",
+            ),
+            (
+                RayTracedEffect::DirectionalOcclusion { radius },
+                "RayTracedEffect::DirectionalOcclusion::radius",
+            ),
+            (
+                RayTracedEffect::BentNormals { radius },
+                "RayTracedEffect::BentNormals::radius",
+            ),
+        ] {
+            let refused = plan(&PlanRequest {
+                limits: &Limits::default(),
+                size: [64, 64],
+                scene: SceneCounts::once(10),
+                effect,
+                budget: Budget::Error(0.1),
+                calibration: None,
+            });
+            assert!(
+                refused.is_err_and(|e| e.to_string().contains(field)),
+                "{effect:?}"
+            );
+        }
     }
 }
 
 #[test]
 fn curves_run_through_their_rungs() {
-    for curves in [curves::WITHIN_RADIUS, curves::UNBOUNDED, curves::LIGHT] {
-        let works = curves::RAYS.map(f64::from);
+    for curves in [
+        curves::WITHIN_RADIUS,
+        curves::UNBOUNDED,
+        curves::SKY,
+        curves::BENT,
+        curves::LIGHT,
+        curves::GLOSSY,
+    ] {
+        let few = curves::RAYS.len() - curves.rays.errors.len();
+        let works: Vec<f64> = curves::RAYS[few..]
+            .iter()
+            .map(|&rays| f64::from(rays))
+            .collect();
         for (work, error) in works.iter().zip(curves.rays.errors) {
             assert!((curves.rays.at(&works, *work) - error).abs() < 1e-12);
         }
-        let [left, right] = [curves.rays.errors[3], curves.rays.errors[4]];
+        let [left, right] = [3, 4].map(|i| curves.rays.errors[i - few]);
         let between = curves.rays.at(&works, 128.0_f64.sqrt());
         assert!((between - (left * right).sqrt()).abs() < 1e-12);
-        assert_eq!(curves.rays.errors[2], 1.0, "a calibration's own rung");
+        assert_eq!(curves.rays.errors[2 - few], 1.0, "a calibration's own rung");
+    }
+}
+
+/// Measured errors are what is predicted of the calibrated rungs, and other rungs of rays lie where the curve has them.
+#[test]
+fn measured_errors_are_met() {
+    let mut calibration = calibration();
+    let errors = [0.3, 0.05];
+    for method in [&mut calibration.rays, &mut calibration.splats] {
+        *method = method.map(|known| MethodCalibration {
+            errors: Some(errors),
+            ..known
+        });
+    }
+    for effect in EFFECTS {
+        let plan = planned(effect, Budget::Error(1.0), Some(&calibration));
+        for kind in [MethodKind::Rays, MethodKind::Splats] {
+            let of_kind = plan.weighed.iter().filter(|c| c.method.kind() == kind);
+            let weighed: Vec<_> = of_kind.collect();
+            for (rung, error) in kind.calibrated(&effect).into_iter().flatten().zip(errors) {
+                let found = weighed.iter().find(|c| c.method == rung).map(|c| c.error);
+                let found = found.expect("it was weighed");
+                assert!((found - error).abs() < 1e-9, "{rung}: {found} for {error}");
+            }
+            assert!(
+                weighed.is_sorted_by(|a, b| a.error >= b.error),
+                "{effect:?}\n{plan}"
+            );
+        }
+    }
+    // Nothing is seen to vary: no error is a number.
+    calibration.rays = calibration.rays.map(|rays| MethodCalibration {
+        errors: Some([0.0; 2]),
+        ..rays
+    });
+    let plan = planned(EFFECTS[1], Budget::Error(0.1), Some(&calibration));
+    assert!(plan.weighed.iter().all(|c| c.error.is_finite()), "{plan}");
+}
+
+#[test]
+fn curves_fall() {
+    for curves in [
+        curves::WITHIN_RADIUS,
+        curves::UNBOUNDED,
+        curves::SKY,
+        curves::BENT,
+        curves::LIGHT,
+        curves::GLOSSY,
+    ] {
+        for kind in MethodKind::ALL {
+            let Some(curve) = curves.of(kind) else {
+                continue;
+            };
+            assert!(curve.errors.is_sorted_by(|a, b| a > b), "{curve:?}");
+        }
     }
 }

@@ -87,6 +87,18 @@ impl RayTracedEffect {
         }
     }
 
+    /// These rays, with the filter that suits the effect.
+    pub(crate) fn suited(&self, rays: RaySettings) -> RaySettings {
+        match self {
+            Self::BentNormals { .. } => RaySettings {
+                filter: HitResolverSettings::for_bent_normals(rays.rays_per_pixel),
+                ..rays
+            },
+            Self::IndirectSpecular { .. } => rays.for_glossy(),
+            _ => rays,
+        }
+    }
+
     fn sampling(&self) -> Sampling {
         match self {
             Self::IndirectSpecular { .. } => Sampling::Glossy,
@@ -128,16 +140,9 @@ pub struct RayTracedViewDescriptor {
 impl RayTracedViewDescriptor {
     /// Each frame for itself.
     pub fn new(effect: RayTracedEffect, quality: Quality, target: TextureFormat) -> Self {
-        let mut rays = quality.rays(effect.payload());
-        if let RayTracedEffect::BentNormals { .. } = effect {
-            rays.filter = HitResolverSettings::for_bent_normals(rays.rays_per_pixel);
-        }
         Self {
             effect,
-            rays: match effect.sampling() {
-                Sampling::Glossy => rays.for_glossy(),
-                Sampling::Cosine | Sampling::Uniform => rays,
-            },
+            rays: effect.suited(quality.rays(effect.payload())),
             primitives: Primitives::default(),
             environment: false,
             further_bounces: false,

@@ -16,6 +16,7 @@ use support::{
     calibration::{Subject, calibrate},
     gpu::Gpu,
     raster::Raster,
+    sky,
 };
 
 use crate::{
@@ -31,7 +32,7 @@ pub enum Wish {
     #[default]
     Free,
     Quality(Quality),
-    /// Root mean square, of visibility, or of light in units of its mean.
+    /// As [`Budget::Error`].
     Error(f64),
     Milliseconds(f64),
 }
@@ -66,6 +67,8 @@ impl Planning {
     pub fn calibrate(&mut self, gpu: &Arc<Gpu>, place: &Arc<Place>, pose: Pose, look: &Look) {
         let key = (place.id, look.effect);
         let (gpu, place, effect) = (Arc::clone(gpu), Arc::clone(place), look.ray_traced());
+        let sky = sky::by_name(sky::NAMES[look.sky % sky::NAMES.len()]);
+        let roughness = look.roughness;
         let (sender, receiver) = channel();
         thread::spawn(move || {
             let camera = pose.camera(SIZE).map_err(|e| e.to_string());
@@ -77,6 +80,8 @@ impl Planning {
                     buffers: &place.buffers,
                     drawn: &Raster::draw(&gpu, &place.buffers, &camera),
                     lights: &place.lights,
+                    sky: sky.as_ref(),
+                    roughness,
                 };
                 calibrate(&subject, &effect)
             });
@@ -108,10 +113,10 @@ impl Planning {
     /// Changes settings to those that meet a wish.
     pub fn apply(&mut self, gpu: &Gpu, place: &Place, wish: Wish, look: &mut Look, size: [u32; 2]) {
         self.problem = None;
-        let planned = [Effect::AmbientOcclusion, Effect::IndirectDiffuse].contains(&look.effect);
-        if !planned && matches!(wish, Wish::Error(_) | Wish::Milliseconds(_)) {
-            let effects = "ambient occlusion and indirect diffuse light";
-            self.problem = Some(format!("plans are for {effects}"));
+        let unplanned = [Effect::SubsurfaceScattering, Effect::SoftShadows].contains(&look.effect);
+        if unplanned && matches!(wish, Wish::Error(_) | Wish::Milliseconds(_)) {
+            let effect = look.effect.name().to_lowercase();
+            self.problem = Some(format!("there are no plans for {effect}"));
             return;
         }
         let budget = match wish {
@@ -145,6 +150,7 @@ impl Planning {
             Planned::Rays(rays) => {
                 look.method = Method::Rays;
                 look.rays = rays;
+                look.rays.filter.f0 = look.f0;
             }
             Planned::Splats(splats) => {
                 look.method = Method::Splats;

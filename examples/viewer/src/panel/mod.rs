@@ -395,11 +395,11 @@ impl Panel {
                     });
                 }
                 Wish::Error(error) => {
-                    ui.add(
-                        Slider::new(error, 0.002..=0.5)
-                            .logarithmic(true)
-                            .text("RMSE at most"),
-                    );
+                    let (range, unit) = match self.looks[0].effect {
+                        Effect::BentNormals => (0.5..=50.0, "° off at most"),
+                        _ => (0.002..=0.5, "RMSE at most"),
+                    };
+                    ui.add(Slider::new(error, range).logarithmic(true).text(unit));
                     self.wishes[0] = *error;
                 }
                 Wish::Milliseconds(milliseconds) => {
