@@ -3,7 +3,7 @@
 use crate::{
     BouncedSettings, HitResolverSettings, Payload, RayBudgetSettings, ReconstructorSettings,
     SplatSettings, SurfelizerSettings, bounced_z_buffer::settings::MAX_RAYS_PER_PIXEL,
-    ray_traced::bounces::aimed,
+    ray_budget::settings::MOST_RAYS, ray_traced::bounces::aimed,
 };
 
 /// How exactly: a point on the curve of error over time, which `cargo bench --bench error_time` measures.
@@ -14,7 +14,7 @@ pub enum Quality {
     /// 16 rays per pixel for occlusion, of an environment too. For light 40, half of them where noise is greatest.
     #[default]
     Balanced,
-    /// 64 rays per pixel, for light half of them where noise is greatest.
+    /// 64 rays per pixel, for light half of them where noise is greatest; for light that glossy receivers reflect 128.
     Accurate,
 }
 
@@ -22,8 +22,8 @@ impl Quality {
     /// Each of them, from the fastest.
     pub const ALL: [Self; 3] = [Self::Fast, Self::Balanced, Self::Accurate];
 
-    /// Rays per pixel, and the filter that suits them, for diffuse receivers; [`RaySettings::for_glossy`] has that of glossy
-    /// ones.
+    /// Rays per pixel, and the filter that suits them, for diffuse receivers; [`glossy_rays`](Self::glossy_rays) are those for
+    /// glossy ones.
     pub fn rays(self, payload: Payload) -> RaySettings {
         // Occlusion gains nothing by rays that go where noise is: it is nearly the same everywhere.
         if matches!(payload, Payload::Occlusion | Payload::Sky) {
@@ -40,6 +40,24 @@ impl Quality {
             Self::Accurate => 32,
         };
         RaySettings::with_further(half, half as f32, payload)
+    }
+
+    /// The same for light that glossy receivers reflect: 8, 40 and 128 rays per pixel, of which three in four, and seven in
+    /// eight of [`Accurate`](Self::Accurate), go where noise is greatest, up to 255 to a pixel, as most of it is at few pixels.
+    pub fn glossy_rays(self) -> RaySettings {
+        let (each, further) = match self {
+            Self::Fast => (2, 6.0),
+            Self::Balanced => (10, 30.0),
+            Self::Accurate => (16, 112.0),
+        };
+        let rays = RaySettings::with_further(each, further, Payload::LitRadiance).for_glossy();
+        RaySettings {
+            further: rays.further.map(|further| RayBudgetSettings {
+                most: MOST_RAYS,
+                ..further
+            }),
+            ..rays
+        }
     }
 
     /// What suits splatting ambient occlusion by occluders nearer than `radius`, in world units.

@@ -128,16 +128,16 @@ pub struct RayTracedViewDescriptor {
 impl RayTracedViewDescriptor {
     /// Each frame for itself.
     pub fn new(effect: RayTracedEffect, quality: Quality, target: TextureFormat) -> Self {
-        let mut rays = quality.rays(effect.payload());
+        let mut rays = match effect {
+            RayTracedEffect::IndirectSpecular { .. } => quality.glossy_rays(),
+            _ => quality.rays(effect.payload()),
+        };
         if let RayTracedEffect::BentNormals { .. } = effect {
             rays.filter = HitResolverSettings::for_bent_normals(rays.rays_per_pixel);
         }
         Self {
             effect,
-            rays: match effect.sampling() {
-                Sampling::Glossy => rays.for_glossy(),
-                Sampling::Cosine | Sampling::Uniform => rays,
-            },
+            rays,
             primitives: Primitives::default(),
             environment: false,
             further_bounces: false,
@@ -439,7 +439,10 @@ impl RayTracedView {
             passes: Passes {
                 resolver: HitResolver::new(compiler, &resolver)?,
                 decoder: GBufferDecoder::new(compiler)?,
-                budget: rays.further.map(|_| RayBudget::new(compiler)).transpose()?,
+                budget: rays
+                    .further
+                    .map(|_| RayBudget::with_sampling(compiler, effect.sampling()))
+                    .transpose()?,
                 tracer,
             },
             effect,
