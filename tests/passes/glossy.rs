@@ -688,7 +688,7 @@ struct Spent {
 fn spend(
     stage: &Stage,
     budget: &RayBudget,
-    settings: &RayBudgetSettings,
+    settings: RayBudgetSettings,
     filter: &HitResolverSettings,
     roughness: &TextureView,
 ) -> Spent {
@@ -738,7 +738,7 @@ fn spend(
         .expect("means");
     let wanted = RayBudgetInput::new(&frame, &view, &scratch, filter);
     budget
-        .record(device, &mut encoder, &wanted, settings, &room)
+        .record(device, &mut encoder, &wanted, &settings, &room)
         .expect("a budget");
     bounced
         .record_more(device, &mut encoder, &input, &traced, (&view, &room))
@@ -790,7 +790,7 @@ fn a_budget_of_glossy_receivers_is_its_mirror() {
     };
     let by = |sampling| RayBudget::with_sampling(&stage.gpu.device, sampling).expect("pipelines");
     let spent = [Sampling::Glossy, Sampling::Cosine]
-        .map(|sampling| spend(&stage, &by(sampling), &settings, &filter, &texture));
+        .map(|sampling| spend(&stage, &by(sampling), settings, &filter, &texture));
     let receivers: Vec<Option<Receiver>> = stage
         .shot
         .pixels
@@ -873,7 +873,7 @@ fn further_rays_are_what_the_lobe_makes_of_them() {
         ..JOB
     };
     let roughness = stage.constant(ROUGHNESS);
-    let spent = spend(&stage, budget, &settings, &job.filter(), &roughness);
+    let spent = spend(&stage, budget, settings, &job.filter(), &roughness);
     let (counts, found, hits) = (&spent.counts, &spent.picture, &spent.hits);
     let (mut pixels, mut far_off, mut worst) = (0, 0, 0.0_f64);
     for (at, pixel) in stage.shot.pixels.iter().enumerate() {
