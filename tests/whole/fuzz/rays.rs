@@ -291,10 +291,10 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
             most: case.random.count(0, 255),
         };
         case.note("budget", settings_of_budget);
-        let sampling = if descriptor.payload != Payload::Occlusion {
-            descriptor.sampling
-        } else {
+        let sampling = if descriptor.payload == Payload::Occlusion {
             Sampling::Cosine
+        } else {
+            descriptor.sampling
         };
         let budget = case.once(sampling, |device| {
             RayBudget::with_sampling(device, sampling)
