@@ -11,6 +11,9 @@
 // times share (Neyman 1934). The variance is that of the surroundings, without the pixel's own rays: what they happen to bring
 // must not decide how many there are, or the mean would be off. Nor may it be that of few neighbours: directions of adjacent
 // pixels lie between each other (wgsl/common/directions.wgsl), so that what one meets the other one is less likely to.
+//
+// With #if GLOSSY receivers reflect more the more aslant they are seen, and narrow ones have few neighbours that are seen alike:
+// the surroundings tell the variance of what arrives, and the pixel's own reflectance how much of it is seen.
 
 #import math
 #import packing
@@ -18,6 +21,9 @@
 #import dispatch
 #import camera
 #import receiver
+#if GLOSSY
+#import ggx
+#endif
 
 struct Params {
   camera: Camera,
@@ -32,6 +38,11 @@ struct Params {
   sets: f32,
   most_sets: f32,
   frame: u32,
+  // Luminance of glossy receivers' reflectance straight on.
+  f0: f32,
+  padding0: u32,
+  padding1: u32,
+  padding2: u32,
 }
 
 // Pixels are counted by the need's exponent and first two digits.
@@ -61,6 +72,9 @@ struct State {
 @group(0) @binding(7) var<storage, read_write> dispatches: array<u32, 3>;
 // Of each cell: the sum of its pixels' variances, and how many there are.
 @group(0) @binding(8) var<storage, read_write> cells: array<vec2f>;
+#if GLOSSY
+@group(0) @binding(9) var roughness_texture: texture_2d<f32>;
+#endif
 
 #import kinship
 
@@ -72,6 +86,9 @@ const CELL: i32 = 4;
 const CELLS: i32 = 2;
 // Beyond which all are alike.
 const MOST_NEED: f32 = 1e12;
+#if GLOSSY
+const LEAST_REFLECTANCE: f32 = 1e-3;
+#endif
 
 fn size() -> vec2i {
   return vec2i(params.camera.viewport.zw);
@@ -89,13 +106,28 @@ fn rows() -> i32 {
   return (size().y + CELL - 1) / CELL;
 }
 
-// A pixel's own variance, and 1; or nothing where there are no rays.
+// What a pixel makes of what arrives.
+fn reflectance_at(at: vec2i, texel: vec4u) -> f32 {
+#if GLOSSY
+  let relative = receiver_position(texel) - params.camera.eye;
+  let cosine = clamp(dot(unpack_normal(texel.w), to_camera(params.camera, relative)), 0.0, 1.0);
+  let corner = vec2i(params.camera.viewport.xy);
+  let shares = even_shares(cosine, clean_roughness(textureLoad(roughness_texture, corner + at, 0).x));
+  return max(params.f0 * shares.x + shares.y, LEAST_REFLECTANCE);
+#else
+  return 1.0;
+#endif
+}
+
+// The variance of what arrives along a pixel's own rays, and 1; or nothing where there are none.
 fn variance_at(at: vec2i) -> vec2f {
   let variance = textureLoad(means, at, 0).w;
-  if variance < 0.0 || textureLoad(receivers, at, 0).w == SKY {
+  let texel = textureLoad(receivers, at, 0);
+  if variance < 0.0 || texel.w == SKY {
     return vec2f(0.0);
   }
-  return vec2f(min(variance, MOST_NEED * MOST_NEED), 1.0);
+  let reflectance = reflectance_at(at, texel);
+  return vec2f(min(variance / (reflectance * reflectance), MOST_NEED * MOST_NEED), 1.0);
 }
 
 @compute @workgroup_size(8, 8)
@@ -159,7 +191,7 @@ fn need_at(at: vec2i, texel: vec4u) -> f32 {
   // Of a Gaussian of weights the sum of squares is so much of the square of the sum; fewer neighbours share as much among them.
   let steep = params.falloff + hits_aside * hits_aside;
   let share = max(steep / (2.0 * PI), params.least_share) * NEIGHBOURS / max(kin_of(at, texel, side), 1.0);
-  return sqrt(variance_around(at) * min(share, 1.0));
+  return reflectance_at(at, texel) * sqrt(variance_around(at) * min(share, 1.0));
 }
 
 fn bin_of(need: f32) -> u32 {

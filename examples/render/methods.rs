@@ -322,7 +322,12 @@ pub fn bounced(
             None => rays,
         }
     };
-    let rays = presets::rays(&options.preset, payload).ok_or("no such preset")?;
+    let quality = presets::quality(&options.preset).ok_or("no such preset")?;
+    let rays = if glossy {
+        quality.glossy_rays()
+    } else {
+        quality.rays(payload)
+    };
     let mut preset = presets::of(&suited(rays), radius);
     if let Some(rays_per_pixel) = options.rays_per_pixel {
         preset = presets::of(&suited(RaySettings::new(rays_per_pixel, payload)), radius);

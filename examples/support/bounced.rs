@@ -317,7 +317,7 @@ impl Gatherer {
         let resolver = HitResolver::new(device, &descriptor)?;
         let view = bounced.create_view(device, width, height, rays_per_pixel)?;
         let budget = descriptor.counted.then(|| -> Result<_, Error> {
-            let budget = RayBudget::new(device)?;
+            let budget = RayBudget::with_sampling(device, descriptor.sampling)?;
             let room = budget.create_view(device, width, height)?;
             Ok((budget, room))
         });

@@ -107,7 +107,7 @@ impl HitResolverSettings {
     /// more noise where small lamps alone shine.
     pub fn for_glossy_light(rays_per_pixel: u32) -> Self {
         Self {
-            variance_clamp: 4.0,
+            variance_clamp: 3.0,
             ..Self::for_light(rays_per_pixel)
         }
     }

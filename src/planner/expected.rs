@@ -2,12 +2,22 @@
 
 use super::{Calibration, Candidate, Method, MethodKind, PlanRequest, SceneCounts, curves::Curve};
 use crate::{
-    SurfelRadiance, bvh::Primitives, instanced_bvh::INSTANCE_BYTES,
-    ray_traced::view::RayTracedEffect, surfel::CloudCapacity,
+    SurfelRadiance,
+    bounced_z_buffer::{descriptor::BouncedDescriptor, params::pixel_rays_bytes},
+    bvh::Primitives,
+    error::Error,
+    instanced_bvh::INSTANCE_BYTES,
+    ray_traced::{quality::RaySettings, view::RayTracedEffect},
+    surfel::{CloudCapacity, Piece},
 };
 
-/// One level where it fits, since rays traverse it faster.
-pub(super) fn primitives_for(request: &PlanRequest<'_>) -> (Primitives, Option<String>) {
+/// What so many triangles take in the binding that holds the most for each.
+pub(super) fn piece_bytes(triangles: u64) -> u64 {
+    triangles.saturating_mul(size_of::<Piece>() as u64)
+}
+
+/// One level where it fits, since rays traverse it faster; and why there is no room for what rays meet, if there is none.
+pub(super) fn primitives_for(request: &PlanRequest<'_>) -> (Primitives, Option<Error>) {
     let most = u64::from(CloudCapacity::largest(request.limits).pieces);
     let SceneCounts {
         triangles,
@@ -17,20 +27,51 @@ pub(super) fn primitives_for(request: &PlanRequest<'_>) -> (Primitives, Option<S
     if triangles <= most {
         return (Primitives::Triangles, None);
     }
-    let most_instances = request.limits.max_storage_buffer_binding_size / INSTANCE_BYTES;
+    let available = request.limits.max_storage_buffer_binding_size;
+    let refused = |needed, why| Error::Limit {
+        limit: "max_storage_buffer_binding_size",
+        available,
+        needed,
+        why,
+    };
     // Within one texture of triangles, four times what one binding holds.
     let refused = if mesh_triangles > 4 * most {
-        Some(format!(
-            "{mesh_triangles} triangles of meshes are more than a device has room for"
-        ))
-    } else if instances > most_instances {
-        Some(format!(
-            "{instances} instances are more than {most_instances}, which one binding holds"
-        ))
+        let needed = piece_bytes(mesh_triangles.div_ceil(4));
+        Some(refused(needed, "a quarter of the meshes' triangles"))
+    } else if instances > available / INSTANCE_BYTES {
+        let needed = instances.saturating_mul(INSTANCE_BYTES);
+        Some(refused(needed, "instances"))
     } else {
         None
     };
     (Primitives::Instances, refused)
+}
+
+/// Why rays have no room for what is counted of them at each pixel, if they have none.
+pub(super) fn too_many_pixels(request: &PlanRequest<'_>, method: &Method) -> Option<Error> {
+    let Method::Rays(rays) = method else {
+        return None;
+    };
+    let [width, height] = request.size.map(u64::from);
+    let available = request.limits.max_storage_buffer_binding_size;
+    let needed = counted_bytes(&request.effect, rays) * width * height;
+    (needed > available).then_some(Error::Limit {
+        limit: "max_storage_buffer_binding_size",
+        available,
+        needed,
+        why: "rays of pixels, where further ones go to some",
+    })
+}
+
+/// Of each pixel, in one binding.
+fn counted_bytes(effect: &RayTracedEffect, rays: &RaySettings) -> u64 {
+    rays.further.map_or(0, |_| {
+        pixel_rays_bytes(&BouncedDescriptor {
+            payload: effect.payload(),
+            sampling: effect.sampling(),
+            ..BouncedDescriptor::default()
+        })
+    })
 }
 
 /// Settings of one method, with what is expected of each.
@@ -38,7 +79,7 @@ pub(super) fn candidates(
     request: &PlanRequest<'_>,
     (kind, rungs): (MethodKind, &[Method]),
     curve: &Curve,
-    (primitives, refused): (Primitives, &Option<String>),
+    (primitives, refused): (Primitives, Option<&Error>),
 ) -> Vec<Candidate> {
     let calibrated = request.calibration.and_then(|c| Some((c, c.of(kind)?)));
     let first = calibrated
@@ -66,7 +107,9 @@ pub(super) fn candidates(
         }),
         memory_bytes: memory(request, &method, primitives),
         refused: match kind {
-            MethodKind::Rays => refused.clone(),
+            MethodKind::Rays => refused
+                .map(Error::to_string)
+                .or_else(|| too_many_pixels(request, &method).map(|e| e.to_string())),
             MethodKind::Splats if primitives == Primitives::Instances => {
                 Some("more triangles than one binding holds".into())
             }
@@ -142,7 +185,10 @@ fn memory(request: &PlanRequest<'_>, method: &Method, primitives: Primitives) ->
             } else {
                 4 + 4 * rays.rays_per_pixel.div_ceil(32)
             };
-            let further = if rays.further.is_some() { 29.0 } else { 0.0 };
+            let further = match counted_bytes(&request.effect, rays) {
+                0 => 0.0,
+                counted => 12.5 + counted as f64,
+            };
             scene + pixels * (16.0 + f64::from(hits) + 20.0 + further)
         }
         Method::Splats(splats) => {

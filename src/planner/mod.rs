@@ -67,10 +67,9 @@ use crate::{
         quality::{Quality, RaySettings, SplatQuality},
         view::RayTracedEffect,
     },
-    surfel::Piece,
     volumetric_obscurance::{VolumetricObscuranceDescriptor, settings::ObscuranceSettings},
 };
-use expected::{candidates, primitives_for};
+use expected::{candidates, piece_bytes, primitives_for, too_many_pixels};
 
 /// Of what is predicted, the error of nine settings out of ten is at most this, in a scene that no curve was measured in.
 const MARGIN: f64 = 1.25;
@@ -179,8 +178,8 @@ pub struct Candidate {
 /// near.
 ///
 /// # Errors
-/// [`Error::Setting`] for a size, a budget or a calibration out of range, for an effect that no curve is of, and for a time
-/// without a calibration; [`Error::Limit`] where the device has room for no method.
+/// [`Error::Setting`] for a size, a budget or a calibration out of range, and for a time without a calibration; [`Error::Limit`]
+/// for a size that no texture has, and where the device has room for no method.
 pub fn plan(request: &PlanRequest<'_>) -> Result<Plan, Error> {
     check(request)?;
     let curves = match request.effect {
@@ -197,9 +196,7 @@ pub fn plan(request: &PlanRequest<'_>) -> Result<Plan, Error> {
         if let Some(curve) = curves.of(kind) {
             let rungs = match (kind, request.budget) {
                 (MethodKind::Rays, Budget::Quality(quality)) => {
-                    let effect = request.effect;
-                    let rays = quality.rays(effect.payload());
-                    vec![Method::Rays(effect.suited(rays))]
+                    vec![Method::Rays(request.effect.rays(quality))]
                 }
                 (_, Budget::Quality(_)) => Vec::new(),
                 _ => kind.rungs(&request.effect),
@@ -208,20 +205,22 @@ pub fn plan(request: &PlanRequest<'_>) -> Result<Plan, Error> {
                 request,
                 (kind, &rungs),
                 &curve,
-                (primitives, &refused),
+                (primitives, refused.as_ref()),
             ));
         }
     }
     let possible: Vec<&Candidate> = weighed.iter().filter(|c| c.refused.is_none()).collect();
-    let (chosen, misses_by) = choose(request, &possible).ok_or(Error::Limit {
-        limit: "max_storage_buffer_binding_size",
-        available: request.limits.max_storage_buffer_binding_size,
-        needed: request
-            .scene
-            .mesh_triangles
-            .saturating_mul(size_of::<Piece>() as u64),
-        why: "what rays meet",
-    })?;
+    let Some((chosen, misses_by)) = choose(request, &possible) else {
+        let too_many = weighed
+            .iter()
+            .find_map(|c| too_many_pixels(request, &c.method));
+        return Err(refused.or(too_many).unwrap_or(Error::Limit {
+            limit: "max_storage_buffer_binding_size",
+            available: request.limits.max_storage_buffer_binding_size,
+            needed: piece_bytes(request.scene.triangles),
+            why: "what surfels are made of",
+        }));
+    };
     Ok(Plan {
         chosen: chosen.clone(),
         primitives,
@@ -233,6 +232,15 @@ pub fn plan(request: &PlanRequest<'_>) -> Result<Plan, Error> {
 fn check(request: &PlanRequest<'_>) -> Result<(), Error> {
     for side in request.size {
         check_setting(side > 0, "PlanRequest::size", side, "at least 1 x 1")?;
+        let most = request.limits.max_texture_dimension_2d;
+        if side > most {
+            return Err(Error::Limit {
+                limit: "max_texture_dimension_2d",
+                available: most.into(),
+                needed: side.into(),
+                why: "PlanRequest::size",
+            });
+        }
     }
     let bounded = match request.effect {
         RayTracedEffect::AmbientOcclusion { radius } => {

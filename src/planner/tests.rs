@@ -1,7 +1,7 @@
 use wgpu::TextureFormat;
 
 use super::*;
-use crate::{HitResolverSettings, RayTracedViewDescriptor};
+use crate::{HitResolverSettings, RayTracedViewDescriptor, instanced_bvh::INSTANCE_BYTES};
 
 const RADIUS: RayTracedEffect = RayTracedEffect::AmbientOcclusion { radius: 2.0 };
 const LIGHT: RayTracedEffect = RayTracedEffect::IndirectDiffuse {
@@ -277,7 +277,7 @@ fn the_largest_counts_are_planned_for() {
     let request = |effect, scene| {
         plan(&PlanRequest {
             limits: &Limits::default(),
-            size: [u32::MAX; 2],
+            size: [8192; 2],
             scene,
             effect,
             budget: Budget::Error(0.1),
@@ -298,6 +298,59 @@ fn the_largest_counts_are_planned_for() {
     for effect in EFFECTS {
         assert!(request(effect, none).is_ok(), "{effect:?}");
     }
+}
+
+/// Why there is no plan is said in the figures of what there is too much of.
+#[test]
+fn what_has_no_room_is_named() {
+    let request = |effect, size, scene, budget| {
+        let plan = plan(&PlanRequest {
+            limits: &Limits::default(),
+            size,
+            scene,
+            effect,
+            budget,
+            calibration: None,
+        });
+        plan.map(|plan| plan.misses_by)
+    };
+    let binding = |needed, why| {
+        Err(Error::Limit {
+            limit: "max_storage_buffer_binding_size",
+            available: 128 << 20,
+            needed,
+            why,
+        })
+    };
+    let balanced = Budget::Quality(Quality::Balanced);
+    let few = SceneCounts::once(1000);
+    let texture = Err(Error::Limit {
+        limit: "max_texture_dimension_2d",
+        available: 8192,
+        needed: 8193,
+        why: "PlanRequest::size",
+    });
+    assert_eq!(request(RADIUS, [1, 8193], few, balanced), texture);
+    // 16 bytes a pixel, and 32 of glossy ones.
+    let glossy = RayTracedEffect::IndirectSpecular {
+        sky_radiance: [0.0; 3],
+    };
+    let counted = "rays of pixels, where further ones go to some";
+    assert_eq!(request(LIGHT, [4096, 2048], few, balanced), Ok(None));
+    let found = request(LIGHT, [4097, 2048], few, balanced);
+    assert_eq!(found, binding(16 * 4097 * 2048, counted));
+    let found = request(glossy, [2049, 2048], few, balanced);
+    assert_eq!(found, binding(32 * 2049 * 2048, counted));
+    // Rays that are the same at each pixel have room.
+    let any = request(LIGHT, [8192, 8192], few, Budget::Error(1e-6));
+    assert!(any.is_ok_and(|misses| misses.is_some()));
+    let meshes = SceneCounts {
+        triangles: 5_000_000_000,
+        mesh_triangles: 1000,
+        instances: 5_000_000,
+    };
+    let found = request(LIGHT, [64, 64], meshes, balanced);
+    assert_eq!(found, binding(5_000_000 * INSTANCE_BYTES, "instances"));
 }
 
 #[test]

@@ -8,7 +8,7 @@ use wgpu::{BufferUsages, CommandEncoder, ComputePipeline, Device};
 
 use self::{params::RayBudgetParams, settings::RayBudgetSettings, view::RayBudgetView};
 use crate::{
-    bounced_z_buffer::{descriptor::NEEDED_FOR_MORE, view::BouncedView},
+    bounced_z_buffer::{descriptor::NEEDED_FOR_MORE, settings::Sampling, view::BouncedView},
     effect::Listing,
     error::Error,
     gpu::{
@@ -22,6 +22,7 @@ use crate::{
     hit_resolver::{HitResolverView, settings::HitResolverSettings},
     receivers::{Frame, check_view_size},
     recorded::Last,
+    texture_slice::TextureSlice,
 };
 
 const SOURCE: &str = include_str!("../../wgsl/ray_budget.wgsl");
@@ -41,11 +42,13 @@ crate::reflection::bytes_of_wgsl!(
 ///
 /// A pixel's number follows from how noisy its neighbours' rays are, and from how much of that noise the filter leaves: next to
 /// nothing where hits are far, and most of it at contacts and on thin things. Its own rays have no say, so that means are what
-/// they would be.
+/// they would be. Where receivers are glossy and it was [told so](Self::with_sampling), it follows besides from how much of what
+/// arrives the pixel reflects, which is most where it is seen aslant.
 ///
 /// Holds pipelines only; one serves any number of views.
 #[derive(Debug)]
 pub struct RayBudget {
+    glossy: bool,
     stages: [(Layout, ComputePipeline); 5],
     uniforms: Uniforms,
 }
@@ -90,14 +93,27 @@ const STAGES: [&str; 5] = ["pool", "measure", "choose", "list", "plan"];
 const CELL: u32 = 4;
 
 impl RayBudget {
-    /// Compiles the pipelines. Needs no features and nothing beyond `Limits::default()`.
+    /// Compiles the pipelines, for hits of any receivers. Needs no features and nothing beyond `Limits::default()`.
     ///
     /// # Errors
     /// None that a device with these limits gives.
     pub fn new<'a>(compiler: impl Into<Compiler<'a>>) -> Result<Self, Error> {
+        Self::with_sampling(compiler, Sampling::Cosine)
+    }
+
+    /// For hits of such receivers. With [`Sampling::Glossy`] those of radiance alone; the frame's G-buffer has the roughness.
+    ///
+    /// # Errors
+    /// None that a device with these limits gives.
+    pub fn with_sampling<'a>(
+        compiler: impl Into<Compiler<'a>>,
+        sampling: Sampling,
+    ) -> Result<Self, Error> {
         let Compiler { device, cache } = compiler.into();
-        let module = shader::create(device, LABEL, source()?);
+        let glossy = sampling == Sampling::Glossy;
+        let module = shader::create(device, LABEL, source(glossy)?);
         Ok(Self {
+            glossy,
             stages: STAGES.map(|entry| module.kernel(device, entry, &[], cache)),
             uniforms: Uniforms::new(LABEL),
         })
@@ -153,7 +169,8 @@ impl RayBudget {
     /// Records the decision.
     ///
     /// # Errors
-    /// [`Error::Setting`] for settings out of range; [`Error::Mismatch`] where the hits' rays are not counted, or sizes differ;
+    /// [`Error::Setting`] for settings out of range; [`Error::Mismatch`] where the hits' rays are not counted, sizes differ, or
+    /// it was made for glossy receivers and hits are of others or the G-buffer has no roughness;
     /// [`Error::Recording`] where the hits or the estimates were not recorded from this frame.
     pub fn record(
         &self,
@@ -183,6 +200,7 @@ impl RayBudget {
                 needed: NEEDED_FOR_MORE.into(),
             });
         }
+        let roughness = self.roughness_of(input)?;
         for (name, size) in [
             ("RayBudgetInput::estimates", estimates.size()),
             ("RayBudgetView", budget.size),
@@ -200,7 +218,7 @@ impl RayBudget {
         let of_a_set = (&traced.settings, hits.descriptor.emitter_samples);
         let params = RayBudgetParams::new(*settings, frame, input.filter, of_a_set);
         let (parameters, params) = self.uniforms.upload_one(device, encoder, &params);
-        let all = [
+        let mut all = vec![
             ("params", parameters.at(params)),
             ("receivers", view(&frame.receivers.view)),
             ("means", view(&estimates.means)),
@@ -211,11 +229,19 @@ impl RayBudget {
             ("work", whole(&budget.work)),
             ("dispatches", whole(&budget.dispatch)),
         ];
+        let roughness = roughness.map(|slice| slice.read());
+        all.extend(roughness.as_ref().map(|r| ("roughness_texture", view(r))));
         let mut groups = budget.kept.groups(device);
         let groups = self.stages.each_ref().map(|(layout, _)| {
             let bound = all.iter();
             let bound = bound.filter(|(name, _)| layout.names().any(|own| own == *name));
-            groups.next(layout, &bound.cloned().collect::<Vec<_>>())
+            let bound: Vec<_> = bound.cloned().collect();
+            // The roughness is the caller's.
+            if bound.iter().any(|(name, _)| *name == "roughness_texture") {
+                groups.unkept(layout, &bound)
+            } else {
+                groups.next(layout, &bound)
+            }
         });
         let pixels = budget.size.map(|side| side.div_ceil(8));
         let cells = pixels.map(|side| side.div_ceil(CELL));
@@ -233,12 +259,39 @@ impl RayBudget {
     }
 }
 
-fn source() -> Result<String, Error> {
-    shader::assemble("ray_budget", SOURCE, &[], &[])
+impl RayBudget {
+    /// The roughness, where it is needed.
+    fn roughness_of<'t>(
+        &self,
+        input: &RayBudgetInput<'t>,
+    ) -> Result<Option<TextureSlice<'t>>, Error> {
+        if !self.glossy {
+            return Ok(None);
+        }
+        let of = &input.hits.descriptor;
+        if of.sampling != Sampling::Glossy || !of.payload.is_radiance() {
+            return Err(Error::Mismatch {
+                name: "RayBudgetInput::hits",
+                found: format!("{:?}, {:?}", of.payload, of.sampling),
+                needed: "radiance of Sampling::Glossy, as the RayBudget was made for".into(),
+            });
+        }
+        input
+            .frame
+            .gbuffer
+            .roughness_for("Sampling::Glossy")
+            .map(Some)
+    }
+}
+
+fn source(glossy: bool) -> Result<String, Error> {
+    let flags: &[&str] = if glossy { &["GLOSSY"] } else { &[] };
+    shader::assemble("ray_budget", SOURCE, flags, &[])
 }
 
 /// Every module of the pass.
 pub(crate) fn list(all: &mut Listing<'_>) -> Result<(), Error> {
-    all.add("ray_budget", source()?);
+    all.add("ray_budget", source(false)?);
+    all.add("ray_budget glossy", source(true)?);
     Ok(())
 }

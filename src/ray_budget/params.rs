@@ -25,18 +25,26 @@ pub(crate) struct RayBudgetParams {
     pub(crate) sets: f32,
     pub(crate) most_sets: f32,
     pub(crate) frame: u32,
+    pub(crate) f0: f32,
+    pub(crate) padding: [u32; 3],
 }
 
 crate::reflection::same_as_wgsl!(
-    params_are_the_shaders: RayBudgetParams as "Params" in ["ray_budget"] {
+    params_are_the_shaders: RayBudgetParams as "Params" in ["ray_budget", "ray_budget glossy"] {
         camera, plane_distance, normal_power, falloff, per_hit_distance, least_share, sets, most_sets,
-        frame,
+        frame, f0,
     }
 );
 
 /// Of all weights of a window, the share of a pixel's own where all are alike.
 pub(crate) fn least_share(filter: &HitResolverSettings) -> f32 {
     ((2 * filter.radius + 1) as f32).powi(-2)
+}
+
+/// Luminance of the reflectance straight on.
+pub(crate) fn f0(filter: &HitResolverSettings) -> f32 {
+    let [r, g, b] = filter.f0;
+    0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
 /// Sets per pixel: on average, and of one pixel at most. Of each set so many rays go to emitters.
@@ -68,6 +76,8 @@ impl RayBudgetParams {
             sets,
             most_sets,
             frame: traced.frame,
+            f0: f0(filter),
+            padding: [0; 3],
         }
     }
 }

@@ -99,7 +99,15 @@ impl RayTracedEffect {
         }
     }
 
-    fn sampling(&self) -> Sampling {
+    /// The rays of a quality, with the filter that suits the effect.
+    pub(crate) fn rays(&self, quality: Quality) -> RaySettings {
+        match self {
+            Self::IndirectSpecular { .. } => quality.glossy_rays(),
+            _ => self.suited(quality.rays(self.payload())),
+        }
+    }
+
+    pub(crate) fn sampling(&self) -> Sampling {
         match self {
             Self::IndirectSpecular { .. } => Sampling::Glossy,
             _ => Sampling::Cosine,
@@ -142,7 +150,7 @@ impl RayTracedViewDescriptor {
     pub fn new(effect: RayTracedEffect, quality: Quality, target: TextureFormat) -> Self {
         Self {
             effect,
-            rays: effect.suited(quality.rays(effect.payload())),
+            rays: effect.rays(quality),
             primitives: Primitives::default(),
             environment: false,
             further_bounces: false,
@@ -445,7 +453,10 @@ impl RayTracedView {
             passes: Passes {
                 resolver: HitResolver::new(compiler, &resolver)?,
                 decoder: GBufferDecoder::new(compiler)?,
-                budget: rays.further.map(|_| RayBudget::new(compiler)).transpose()?,
+                budget: rays
+                    .further
+                    .map(|_| RayBudget::with_sampling(compiler, effect.sampling()))
+                    .transpose()?,
                 tracer,
             },
             effect,

@@ -6,13 +6,16 @@ use glam::{DVec2, IVec2};
 use rayon::prelude::*;
 
 use super::{
+    bounced_z_buffer::to_camera,
+    ggx::{clean_roughness, even_shares},
     hashing::{hash2, unit_float},
     hit_resolver::{HitResolution, Mean},
+    shell_splatter::Receiver,
 };
 use crate::{
     RayBudgetSettings,
     hit_resolver::params::{falloff, per_hit_distance},
-    ray_budget::params::{least_share, sets},
+    ray_budget::params::{f0, least_share, sets},
 };
 
 const BINS: usize = 256;
@@ -22,6 +25,7 @@ const NEIGHBOURS: f64 = 24.0;
 const CELL: i32 = 4;
 const CELLS: i32 = 2;
 const MOST_NEED: f64 = 1e12;
+const LEAST_REFLECTANCE: f64 = 1e-3;
 const LEAST_SCALE: f64 = -40.0;
 const COARSE_STEP: f64 = 0.5;
 
@@ -36,6 +40,8 @@ pub struct Budget<'a> {
     pub near: &'a [f64],
     /// The settings.
     pub settings: &'a RayBudgetSettings,
+    /// Of glossy receivers each pixel's roughness.
+    pub roughness: Option<&'a [f64]>,
 }
 
 fn bin_of(need: f32) -> usize {
@@ -60,13 +66,29 @@ impl Budget<'_> {
         (self.size() + CELL - 1) / CELL
     }
 
+    fn reflectance_at(&self, at: IVec2, receiver: &Receiver) -> f64 {
+        let Some(roughness) = self.roughness else {
+            return 1.0;
+        };
+        let HitResolution { camera, origin, .. } = *self.hits;
+        let to_eye = to_camera(camera, origin, receiver.position);
+        let cosine = receiver.normal.dot(to_eye).clamp(0.0, 1.0);
+        let shares = even_shares(cosine, clean_roughness(roughness[self.place_of(at)]));
+        let f0 = f64::from(f0(self.hits.settings));
+        (f0 * shares.x + shares.y).max(LEAST_REFLECTANCE)
+    }
+
     fn variance_at(&self, at: IVec2) -> DVec2 {
         let place = self.place_of(at);
         let variance = self.means[place].variance;
-        if variance < 0.0 || self.hits.receivers[place].is_none() {
+        let Some(receiver) = self.hits.receivers[place].filter(|_| variance >= 0.0) else {
             return DVec2::ZERO;
-        }
-        DVec2::new(variance.min(MOST_NEED * MOST_NEED), 1.0)
+        };
+        let reflectance = self.reflectance_at(at, &receiver);
+        DVec2::new(
+            (variance / (reflectance * reflectance)).min(MOST_NEED * MOST_NEED),
+            1.0,
+        )
     }
 
     /// Of each cell of 4 × 4 pixels, rows from the top: the sum of its pixels' variances, and how many there are.
@@ -142,7 +164,8 @@ impl Budget<'_> {
         let steep = f64::from(falloff(filter)) + hits_aside * hits_aside;
         let share = (steep / (2.0 * PI)).max(least_share(filter).into()) * NEIGHBOURS
             / self.kin_of(at, side).max(1.0);
-        (self.variance_around(cells, at) * share.min(1.0)).sqrt()
+        self.reflectance_at(at, &receiver)
+            * (self.variance_around(cells, at) * share.min(1.0)).sqrt()
     }
 
     /// Sets per unit of need that make up the budget.

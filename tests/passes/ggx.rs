@@ -6,7 +6,7 @@ use support::testing::pipelines;
 use deep_screen_space::{
     glam::{DVec2, DVec3},
     reference::{
-        ggx::Lobe,
+        ggx::{Lobe, even_shares},
         hashing::{hash2, unit_float},
     },
 };
@@ -79,6 +79,36 @@ fn pdf_integrates_to_one() {
         let whole = integrate(&lobe, 512, |_, facet| DVec3::splat(lobe.pdf(facet))).x;
         // At the horizon the visible facets end in a kink, which the midpoint rule meets to 1 / side.
         assert!((whole - 1.0).abs() < 2e-3, "{inputs}: {whole}");
+    }
+}
+
+/// What a surface makes of even light, against the sum of its lobe's own directions.
+#[test]
+fn even_light_is_about_the_lobes_sum() {
+    const SIDE: u32 = 48;
+    for roughness in [0.1, 0.3, 0.5, 0.7, 0.9, 1.0] {
+        for cosine in [1.0, 0.8, 0.6, 0.4, 0.2, 0.1, 0.03] {
+            let lobe = lobe(cosine, roughness);
+            let mut sum = DVec2::ZERO;
+            for i in 0..SIDE * SIDE {
+                let point =
+                    (DVec2::new(f64::from(i % SIDE), f64::from(i / SIDE)) + 0.5) / f64::from(SIDE);
+                sum += DVec2::from(lobe.shares(&lobe.direction(point)));
+            }
+            let expected = sum / f64::from(SIDE * SIDE);
+            let found = even_shares(cosine, roughness);
+            assert!(found.min_element() >= 0.0, "{roughness}, {cosine}: {found}");
+            for f0 in [0.04, 0.3, 1.0] {
+                let [expected, found] = [expected, found].map(|s| f0 * s.x + s.y);
+                // As far as two powers are from a table.
+                let off = (found / expected).ln().abs();
+                let inputs = format!("roughness {roughness}, view at {cosine}, f0 {f0}");
+                assert!(
+                    off < 1.45_f64.ln(),
+                    "{inputs}: {found}, expected {expected}"
+                );
+            }
+        }
     }
 }
 

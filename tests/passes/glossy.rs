@@ -17,6 +17,7 @@ use deep_screen_space::{
         hashing::{hash, hash2, unit_float},
         hit_resolver::HitResolution,
         packing::{pack_normal, unpack_color, unpack_normal},
+        ray_budget::Budget,
         shell_splatter::Receiver,
     },
     scenes::{Material, Part, Scene},
@@ -672,12 +673,25 @@ fn the_window_is_its_mirror() {
     );
 }
 
-/// What further rays of glossy receivers bring is the mirror's, and is in the picture with what the first set brought.
-#[test]
-fn further_rays_are_what_the_lobe_makes_of_them() {
-    const ROUGHNESS: f64 = 0.5;
-    const FURTHER: u32 = 6;
-    let stage = Stage::new(&camera());
+/// What a budget was given and what came of it.
+struct Spent {
+    hits: Vec<Vec<u32>>,
+    /// Before further rays.
+    nearness: Vec<u32>,
+    counts: Vec<[f32; 8]>,
+    /// Pixels and sets, as they are listed.
+    listed: Vec<[u32; 2]>,
+    picture: Vec<[f32; 4]>,
+}
+
+/// Four rays per pixel, and further ones.
+fn spend(
+    stage: &Stage,
+    budget: &RayBudget,
+    settings: RayBudgetSettings,
+    filter: &HitResolverSettings,
+    roughness: &TextureView,
+) -> Spent {
     let (gpu, device) = (stage.gpu, &stage.gpu.device);
     let bounced = pipelines::bounced(&BouncedDescriptor {
         payload: Payload::Radiance,
@@ -695,30 +709,15 @@ fn further_rays_are_what_the_lobe_makes_of_them() {
         emitter_samples: 0,
         target: TextureFormat::Rgba32Float,
     });
-    let budget = pipelines::once(&(), |gpu| RayBudget::new(&gpu.device).expect("pipelines"));
-    let job = Job {
-        rays_per_pixel: 4,
-        ..JOB
-    };
-    let traced = BouncedSettings {
-        rays_per_pixel: job.rays_per_pixel,
-        sky_radiance: BACKGROUND,
-        ..BouncedSettings::default()
-    };
-    // More than can be spent: all pixels have all that they may.
-    let settings = RayBudgetSettings {
-        rays_per_pixel: 255.0,
-        most: 4 * (1 + FURTHER),
-    };
     let view = bounced.create_view(device, SIDE, SIDE, 4).expect("a view");
     let scratch = resolver.create_view(device, &view).expect("a view");
     let room = budget.create_view(device, SIDE, SIDE).expect("a view");
     let target = gpu.target(TextureFormat::Rgba32Float, SIDE, SIDE);
-    let roughness = stage.constant(ROUGHNESS);
     let gbuffer = GBuffer {
         roughness: Some(roughness.texture().into()),
         ..stage.shot.gbuffer()
     };
+    let traced = four_rays();
     let mut encoder = gpu.encoder();
     let mut decoded = Decoded::of(&stage.shot.camera);
     let origin = stage.cloud.origin();
@@ -727,15 +726,17 @@ fn further_rays_are_what_the_lobe_makes_of_them() {
         radiance: HitRadiance::Surfels(&stage.radiance),
         ..BouncedInput::new(&frame, &stage.cloud, &stage.bounds)
     };
-    let filter = job.filter();
     bounced
         .record(device, &mut encoder, &input, &traced, &view)
         .expect("hits");
+    gpu.finish(encoder);
+    let nearness = gpu.read_buffer(view.nearness());
+    let mut encoder = gpu.encoder();
     let hits = HitEstimateInput::new(&frame, &view);
     resolver
-        .estimate(device, &mut encoder, &hits, &filter, &scratch)
+        .estimate(device, &mut encoder, &hits, filter, &scratch)
         .expect("means");
-    let wanted = RayBudgetInput::new(&frame, &view, &scratch, &filter);
+    let wanted = RayBudgetInput::new(&frame, &view, &scratch, filter);
     budget
         .record(device, &mut encoder, &wanted, &settings, &room)
         .expect("a budget");
@@ -744,14 +745,136 @@ fn further_rays_are_what_the_lobe_makes_of_them() {
         .expect("further rays");
     let input = HitResolverInput::new(&frame, &view, target.texture());
     resolver
-        .record(device, &mut encoder, &input, &filter, &scratch)
+        .record(device, &mut encoder, &input, filter, &scratch)
         .expect("a picture");
     gpu.finish(encoder);
-
-    let counts: Vec<[f32; 8]> = gpu.read_buffer(view.counts().expect("counted"));
-    let found: Vec<[f32; 4]> = gpu.read_texture(target.texture(), 0);
     let hits = view.radiance().expect("hits of radiance").texture();
-    let hits: Vec<Vec<u32>> = (0..4).map(|i| gpu.read_texture(hits, i)).collect();
+    let pairs: Vec<[u32; 2]> = gpu.read_buffer(room.pixels());
+    Spent {
+        hits: (0..4).map(|i| gpu.read_texture(hits, i)).collect(),
+        nearness,
+        counts: gpu.read_buffer(view.counts().expect("counted")),
+        listed: pairs[1..=pairs[0][0] as usize].to_vec(),
+        picture: gpu.read_texture(target.texture(), 0),
+    }
+}
+
+fn four_rays() -> BouncedSettings {
+    BouncedSettings {
+        rays_per_pixel: 4,
+        sky_radiance: BACKGROUND,
+        ..BouncedSettings::default()
+    }
+}
+
+/// Further rays go where the mirror's reflectance, and the noise of what arrives, say that they should, over streaks of
+/// roughness; and to other pixels than without the reflectance.
+#[test]
+fn a_budget_of_glossy_receivers_is_its_mirror() {
+    let stage = Stage::new(&camera());
+    let camera = &stage.shot.camera;
+    let streaks: Vec<f32> = (0..(SIDE * SIDE) as usize)
+        .map(|i| 0.15 + 0.8 * (i / 9 % 7) as f32 / 6.0)
+        .collect();
+    let texture = stage
+        .gpu
+        .texture(TextureFormat::R32Float, SIDE, SIDE, &streaks);
+    let roughness: Vec<f64> = streaks.iter().map(|r| f64::from(*r)).collect();
+    let settings = RayBudgetSettings {
+        rays_per_pixel: 12.0,
+        most: 255,
+    };
+    let filter = HitResolverSettings {
+        f0: F0,
+        ..HitResolverSettings::for_glossy_light(16)
+    };
+    let by = |sampling| RayBudget::with_sampling(&stage.gpu.device, sampling).expect("pipelines");
+    let spent = [Sampling::Glossy, Sampling::Cosine]
+        .map(|sampling| spend(&stage, &by(sampling), settings, &filter, &texture));
+    let receivers: Vec<Option<Receiver>> = stage
+        .shot
+        .pixels
+        .iter()
+        .map(|pixel| {
+            let at = pixel.as_ref()?.receiver;
+            Some(Receiver {
+                position: at.position - stage.cloud.origin(),
+                normal: unpack_normal(pack_normal(at.shading_normal)),
+            })
+        })
+        .collect();
+    let traced = four_rays();
+    let incoming: Vec<DVec3> = (0..(SIDE * SIDE) as usize)
+        .flat_map(|at| (0..4).map(move |index| (at, index)))
+        .map(|(at, index)| {
+            let Some(pixel) = &stage.shot.pixels[at] else {
+                return DVec3::ZERO;
+            };
+            let lobe = stage.lobe(pixel, roughness[at]);
+            let place = [at as u32 % SIDE, at as u32 / SIDE];
+            let drawn = lobe.direction(cell_point(place, index, [2, 2], traced.frame));
+            let arrived = unpack_color(spent[0].hits[index as usize][at]);
+            lobe.mirrored(drawn.light, drawn.facet, color(F0), arrived)
+                .radiance
+        })
+        .collect();
+    let hits = HitResolution {
+        camera,
+        origin: stage.cloud.origin(),
+        receivers: &receivers,
+        traced: &traced,
+        payload: Payload::Radiance,
+        sampling: Sampling::Glossy,
+        settings: &filter,
+        deferred: false,
+        incoming: &incoming,
+        nearness: &spent[0].nearness,
+        counts: None,
+        joined: None,
+    };
+    let (means, near) = (hits.average(), hits.near());
+    let choice = Budget {
+        hits: &hits,
+        means: &means,
+        near: &near,
+        settings: &settings,
+        roughness: Some(&roughness),
+    };
+    let needs: Vec<f32> = choice.needs().into_iter().map(|need| need as f32).collect();
+    let expected = choice.sets(&needs, choice.scale(&needs));
+    let off = spent.map(|spent| {
+        let mut found = vec![0; expected.len()];
+        for [pixel, sets] in &spent.listed {
+            found[((pixel >> 16) * SIDE + (pixel & 0xffff)) as usize] = *sets;
+        }
+        found.iter().zip(&expected).filter(|(a, b)| a != b).count()
+    });
+    println!("{off:?} of {} have another number of sets", expected.len());
+    // Sines of drivers move a few rays past the panels' edges, and a bin of the scale by what they brought; on lavapipe none do.
+    assert!(off[0] * 50 < expected.len(), "{off:?}");
+    assert!(off[1] * 5 > expected.len(), "{off:?}");
+}
+
+/// What further rays of glossy receivers bring is the mirror's, and is in the picture with what the first set brought.
+#[test]
+fn further_rays_are_what_the_lobe_makes_of_them() {
+    const ROUGHNESS: f64 = 0.5;
+    const FURTHER: u32 = 6;
+    let stage = Stage::new(&camera());
+    let budget = pipelines::once(&(), |gpu| RayBudget::new(&gpu.device).expect("pipelines"));
+    let traced = four_rays();
+    // More than can be spent: all pixels have all that they may.
+    let settings = RayBudgetSettings {
+        rays_per_pixel: 255.0,
+        most: 4 * (1 + FURTHER),
+    };
+    let job = Job {
+        rays_per_pixel: 4,
+        ..JOB
+    };
+    let roughness = stage.constant(ROUGHNESS);
+    let spent = spend(&stage, budget, settings, &job.filter(), &roughness);
+    let (counts, found, hits) = (&spent.counts, &spent.picture, &spent.hits);
     let (mut pixels, mut far_off, mut worst) = (0, 0, 0.0_f64);
     for (at, pixel) in stage.shot.pixels.iter().enumerate() {
         let Some(pixel) = pixel else { continue };

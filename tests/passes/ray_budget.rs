@@ -254,6 +254,7 @@ fn further_rays_are_the_mirrors() {
         means: &means,
         near: &near,
         settings: &settings,
+        roughness: None,
     };
     let needs: Vec<f32> = choice.needs().into_iter().map(|need| need as f32).collect();
     let expected = choice.sets(&needs, choice.scale(&needs));
@@ -655,6 +656,14 @@ fn what_does_not_fit_is_refused() {
             &scratch,
         )
         .expect("means");
+    let glossy = RayBudget::with_sampling(device, Sampling::Glossy).expect("pipelines");
+    let found = glossy.record(device, &mut encoder, &wanted, &usual, &room);
+    refused(
+        found,
+        "Mismatch",
+        "RayBudgetInput::hits",
+        "Sampling::Glossy",
+    );
     let small = budget().create_view(device, 4, 4).expect("a view");
     refused(
         choose(&mut encoder, &usual, &small),

@@ -102,6 +102,17 @@ fn schlick(f0: vec3f, lobe: Lobe, facet: vec3f) -> vec3f {
   return f0 + (1.0 - f0) * schlick_power(lobe, facet);
 }
 
+// About what share of even light a surface of a roughness sends to an eye at a cosine to its normal: of what counts as much as
+// the reflectance straight on, and of what is mirrored besides. Fitted to the lobe's own sum, within a factor of 1.45 of it.
+fn even_shares(cosine: f32, roughness: f32) -> vec2f {
+  let m = 1.0 - cosine;
+  let m2 = m * m;
+  let besides = m2 * m2 * m * exp2(-4.6 * pow(roughness, 1.4));
+  // Facets hide each other, of rough surfaces most where they are seen straight on.
+  let whole = 1.0 - 0.7 * pow(roughness, 2.5) * sqrt(cosine);
+  return vec2f(whole - besides, besides);
+}
+
 // How much two pixels' lobes overlap, 0...1: the Bhattacharyya coefficient of normal distributions about their mirrored
 // directions, with GGX's width in slopes, doubled by the reflection. `parallax` is the angle between the two pixels: what is
 // mirrored is taken to be as far away as they are, so that a neighbour sees it shifted by that much.

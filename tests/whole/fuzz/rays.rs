@@ -291,7 +291,14 @@ fn steps(case: &mut Case<'_>) -> Option<()> {
             most: case.random.count(0, 255),
         };
         case.note("budget", settings_of_budget);
-        let budget = case.once("ray budget", |device| RayBudget::new(device))?;
+        let sampling = if descriptor.payload == Payload::Occlusion {
+            Sampling::Cosine
+        } else {
+            descriptor.sampling
+        };
+        let budget = case.once(sampling, |device| {
+            RayBudget::with_sampling(device, sampling)
+        })?;
         let list = budget.create_view(device, viewport.width, viewport.height);
         let list = case.accept(list)?;
         let hits = HitEstimateInput {
