@@ -1,6 +1,6 @@
 // ScreenSpaceGi: one bounce of light among what the image shows (Ritschel, Grosch and Seidel 2009, Approximating Dynamic
 // Global Illumination in Image Space, 3). Of points in the hemisphere over a pixel those that the depth buffer has in front
-// of stand for a sender each: what is seen there, with an equal share of the disk under the hemisphere as its area.
+// of stand for a sender each: what is seen there, with an equal share of the hemisphere as its area.
 
 #import surface
 #import hashing

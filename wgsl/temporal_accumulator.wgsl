@@ -192,10 +192,16 @@ fn tap(at: vec2i, offset: vec2f, position: vec3f, normal: vec3f) -> History {
   }
   // Seen at a grazing angle a surface's distance changes by much from pixel to pixel, but stays in its plane.
   let there = receiver_position(texel);
-  let distance = length(position - params.previous.eye);
-  let off_distance = abs(length(there - params.previous.eye) - distance);
+  let relative = position - params.previous.eye;
+  var distance = length(relative);
+  var off_distance = abs(length(there - params.previous.eye) - distance);
+  if params.previous.perspective == 0u {
+    // It may stand anywhere along its axis, and is taken to be as far off as its picture is high.
+    distance = params.previous.pixel * f32(size().y);
+    off_distance = abs(dot(there - position, to_camera(params.previous, relative)));
+  }
   let off_plane = abs(dot(normal, there - position));
-  let side = footprint(params.previous, position - params.previous.eye);
+  let side = footprint(params.previous, relative);
   if off_distance > params.depth_tolerance * distance && off_plane > PLANE_TOLERANCE * side {
     return NONE;
   }
@@ -268,7 +274,9 @@ fn clip(mean: vec3f, pixel: vec2i) -> vec3f {
   }
   let extent = min(params.clip_deviations * sqrt(squares / max(count, 1.0)), vec3f(MAX_F32));
   let off = clamp(mean - centre, vec3f(-MAX_F32), vec3f(MAX_F32));
-  let share = extent / max(abs(off), vec3f(1e-30));
+  // A channel within its bound is none for the others. One that does not vary has rounding for a bound.
+  let is_out = abs(off) > extent + 1e-6 * abs(centre);
+  let share = select(vec3f(1.0), extent / max(abs(off), vec3f(1e-30)), is_out);
   let least = min(share.x, min(share.y, share.z));
 #if COLOR
   return select(mean, centre + least * off, least < 1.0);

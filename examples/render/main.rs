@@ -223,6 +223,9 @@ pub(crate) fn draw(gpu: &Gpu, options: &Options, scene: &Scene, shot: &Shot) -> 
     if options.bounces > 1 && !options.gi() {
         return Err("--bounces is for --effect gi".into());
     }
+    if options.bounces > 1 && options.method == "splat" {
+        return Err("--bounces is for rays: splatting makes one".into());
+    }
     let by_sub_images = Effect::by_name(&options.effect);
     if options.multires && by_sub_images.is_none() {
         return Err("--multires is for --effect vo, shadow and ssgi".into());

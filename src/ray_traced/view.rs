@@ -169,6 +169,9 @@ pub struct RayTracedInput<'a> {
     pub camera: &'a Camera,
     /// Where surfaces were in the last frame, for a view that joins frames; `None` where only the camera moves.
     pub motion: Option<MotionVectors<'a>>,
+    /// The camera of the last recording where it is not as it was given then, as when the world's origin was moved since: in the
+    /// world of now, with a viewport of the same size. Without it that of the last recording.
+    pub previous_camera: Option<&'a Camera>,
     /// Whether to forget earlier frames, as a camera's cut needs.
     pub reset: bool,
     /// What comes from where nothing is, for [`RayTracedEffect::DirectionalOcclusion`] and a view that was made for
@@ -190,6 +193,7 @@ impl<'a> RayTracedInput<'a> {
             gbuffer,
             camera,
             motion: None,
+            previous_camera: None,
             reset: false,
             environment: None,
             target: target.into(),
@@ -201,8 +205,8 @@ impl<'a> RayTracedInput<'a> {
 /// the [`BouncedZBuffer`], the [`HitResolver`] and, where frames are joined, the [`TemporalAccumulator`], with the textures that
 /// they need.
 ///
-/// Textures are made by the first recording, and made anew where the camera's viewport is another, with which frames that were
-/// joined are forgotten, or where [`RayTracedView::set_rays`] asks for more rays than before, with which they are not.
+/// Textures are made by the first recording, and made anew where the camera's viewport has another size, with which frames that
+/// were joined are forgotten, or where [`RayTracedView::set_rays`] asks for more rays than before, with which they are not.
 #[derive(Debug)]
 pub struct RayTracedView {
     effect: RayTracedEffect,
@@ -288,7 +292,9 @@ impl Passes {
 impl Temporal {
     /// The camera of the frame before, or this one's where there was none.
     fn previous(&self, input: &RayTracedInput<'_>) -> Camera {
-        self.previous.unwrap_or(*input.camera)
+        let last = self.previous.as_ref();
+        let last = last.map(|last| input.previous_camera.unwrap_or(last));
+        *last.unwrap_or(input.camera)
     }
 
     /// Joins what pixels' own rays tell, before it is filtered.
@@ -342,7 +348,7 @@ impl Temporal {
 /// What a size asks for.
 #[derive(Debug)]
 struct Room {
-    viewport: Viewport,
+    size: [u32; 2],
     rays_per_pixel: u32,
     receivers: Receivers,
     views: Views,
@@ -664,50 +670,60 @@ impl RayTracedView {
 
     /// Makes the textures for the camera's viewport, unless they are there.
     fn make_room(&mut self, device: &Device, camera: &Camera) -> Result<(), Error> {
-        let viewport = camera.viewport();
         let Viewport {
             x,
             y,
             width,
             height,
-        } = viewport;
+        } = camera.viewport();
         let rays_per_pixel = self.rays.rays_per_pixel;
-        let fits = |room: &Room| room.viewport == viewport && room.rays_per_pixel >= rays_per_pixel;
+        // The resolver writes the viewport's part of its target, and the accumulator reads it there.
+        let extent = [x + width, y + height];
+        let covers = |picture: &Texture| [picture.width(), picture.height()] == extent;
+        let fits = |room: &Room| {
+            room.size == [width, height]
+                && room.rays_per_pixel >= rays_per_pixel
+                && room.views.picture().is_none_or(covers)
+        };
         if self.room.as_ref().is_some_and(fits) {
             return Ok(());
         }
-        // The old textures go before there are new ones. What frames were joined to is none of the rays'.
+        // The old textures go before there are new ones. What frames were joined to follows the size alone.
         let old = self.room.take();
-        let kept = old.filter(|room| room.viewport == viewport);
+        let kept = old.filter(|room| room.size == [width, height]);
         let kept = kept.and_then(|room| room.views.frames);
+        let kept = kept.map(|frames| frames.history);
         let hits = self
             .passes
             .tracer
             .create_view(device, width, height, rays_per_pixel)?;
         let frames = match &mut self.temporal {
-            Some(_) if kept.is_some() => kept,
             Some(temporal) => {
-                temporal.previous = None;
                 let picture = || {
                     plane_for(
                         device,
                         "deep-screen-space picture of one frame",
                         picture_format(&self.effect),
-                        // The resolver writes the viewport's part of its target, and the accumulator reads it there.
-                        [x + width, y + height],
+                        extent,
                         1,
                         TextureUsages::RENDER_ATTACHMENT,
                     )
                 };
+                let history = if let Some(history) = kept {
+                    history
+                } else {
+                    temporal.previous = None;
+                    temporal.accumulator.create_history(device, width, height)?
+                };
                 Some(Frames {
                     picture: (!temporal.joins_rays).then(picture).transpose()?,
-                    history: temporal.accumulator.create_history(device, width, height)?,
+                    history,
                 })
             }
             None => None,
         };
         self.room = Some(Room {
-            viewport,
+            size: [width, height],
             rays_per_pixel,
             receivers: self
                 .passes

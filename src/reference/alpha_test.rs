@@ -78,9 +78,12 @@ pub fn of_scene(scene: &Scene) -> Option<(Vec<Option<Cutout>>, AlphaMaps)> {
         let test = holes.tests.get(part.material as usize).copied().flatten();
         let range = part.first_index as usize..(part.first_index + part.index_count) as usize;
         scene.indices[range].chunks_exact(3).map(move |corners| {
+            let tex_coords = [0, 1, 2]
+                .map(|i| DVec2::from(holes.tex_coords[corners[i] as usize].map(f64::from)));
+            // Where no coordinates are known there are no holes.
+            let test = test.filter(|_| tex_coords.iter().all(|uv| uv.is_finite()));
             test.map(|test| Cutout {
-                tex_coords: [0, 1, 2]
-                    .map(|i| DVec2::from(holes.tex_coords[corners[i] as usize].map(f64::from))),
+                tex_coords,
                 layer: test.layer as usize,
                 threshold: f64::from(test.threshold),
                 wrap: test.wrap,

@@ -145,10 +145,15 @@ impl Accumulation<'_> {
         if normal.dot(there.normal) < f64::from(self.settings.normal_tolerance) {
             return None;
         }
-        let distance = position.length();
-        let off_distance = (there.position.length() - distance).abs();
-        let off_plane = normal.dot(there.position - position).abs();
         let side = self.previous_camera.footprint().at(position);
+        let mut distance = position.length();
+        let mut off_distance = (there.position.length() - distance).abs();
+        if !self.previous_camera.is_perspective() {
+            distance = side * f64::from(self.size().y);
+            let axis = self.previous_camera.rotation().row(2);
+            off_distance = axis.dot(there.position - position).abs();
+        }
+        let off_plane = normal.dot(there.position - position).abs();
         if off_distance > f64::from(self.settings.depth_tolerance) * distance
             && off_plane > PLANE_TOLERANCE * side
         {
@@ -209,11 +214,10 @@ impl Accumulation<'_> {
         let deviation = (around.iter().map(squares).sum::<DVec3>() / count).map(f64::sqrt);
         let extent = deviation / f64::from(self.settings.clamping);
         let off = mean - centre;
-        let least = (extent / off.abs().max(DVec3::splat(1e-30))).to_array();
-        // Channels that are not there are 0 everywhere, and no bound.
-        let least = (0..3)
-            .filter(|&c| off[c] != 0.0)
-            .fold(1.0, |share, c| f64::min(share, least[c]));
+        // A channel within its bound is none for the others. One that does not vary has rounding for a bound.
+        let is_out = off.abs().cmpgt(extent + 1e-6 * centre.abs());
+        let share = extent / off.abs().max(DVec3::splat(1e-30));
+        let least = DVec3::select(is_out, share, DVec3::ONE).min_element();
         if least < 1.0 {
             centre + least * off
         } else {

@@ -19,7 +19,7 @@ use support::{
         pipelines,
         rays::{lab, scene_of, triangles},
         refusals::refused,
-        shot::{Shot, camera_of},
+        shot::{Shot, camera_in, camera_of},
     },
 };
 
@@ -364,6 +364,75 @@ fn frames_are_joined() {
         assert!(eight < 0.7 * one, "one frame {one}, eight {eight}");
         assert!(more < 1.05 * eight, "eight frames {eight}, one more {more}");
     }
+}
+
+/// Joined frames stay where the viewport moves in its texture, and are fetched by the last camera that is given, if one is.
+#[test]
+fn histories_follow_viewport_and_last_camera() {
+    let gpu = pipelines::gpu();
+    let cornell = scenes::cornell();
+    let [width, height] = [48, 32];
+    let shots = [[0, 0], [9, 5]].map(|[x, y]| {
+        let viewport = Viewport {
+            x,
+            y,
+            width,
+            height,
+        };
+        Shot::new(gpu, &cornell, &camera_in(&cornell, 0, viewport))
+    });
+    let mut traced = scene();
+    let target = gpu.target(Format::Rgba32Float, width + 9, height + 5);
+    let descriptor = RayTracedViewDescriptor {
+        rays: RaySettings::new(1, Payload::Occlusion),
+        temporal: Some(TemporalSettings::default()),
+        ..RayTracedViewDescriptor::new(OCCLUSION, Quality::Fast, Format::Rgba32Float)
+    };
+    let elsewhere = Camera::look_at(
+        shots[0].camera.eye() + DVec3::Y,
+        shots[0].camera.eye() + 2.0 * DVec3::Y,
+        DVec3::X,
+        shots[0].camera.projection(),
+        Viewport::full(width, height),
+    )
+    .expect("a camera");
+    let mut last = |moves: usize, previous_camera: Option<&Camera>| {
+        let mut view = RayTracedView::new(&gpu.device, &descriptor).expect("pipelines");
+        for frame in 0..8 {
+            let is_last = frame == 7;
+            let shot = &shots[if is_last { moves } else { 0 }];
+            let meshes = shot.buffers.meshes();
+            let mut encoder = gpu.encoder();
+            let input = RayTracedSceneInput::new(Geometry { meshes: &meshes }, &shot.camera);
+            traced
+                .record(&gpu.device, &mut encoder, &input)
+                .expect("a scene");
+            let input = RayTracedInput {
+                previous_camera: previous_camera.filter(|_| is_last),
+                ..RayTracedInput::new(shot.gbuffer(), &shot.camera, target.texture())
+            };
+            view.record(&gpu.device, &mut encoder, &traced, &input)
+                .expect("a picture");
+            gpu.finish(encoder);
+        }
+        let all = picture(&target);
+        let Viewport { x, y, .. } = shots[moves].camera.viewport();
+        let row = |v: u32| {
+            let first = ((y + v) * (width + 9) + x) as usize;
+            all[first..first + width as usize].to_vec()
+        };
+        (0..height).flat_map(row).collect::<Vec<_>>()
+    };
+    let still = last(0, None);
+    assert!(last(0, Some(&shots[0].camera)) == still);
+    let forgotten = support::errors::rmse(
+        last(0, Some(&elsewhere)).as_flattened(),
+        still.as_flattened(),
+    );
+    let moved = support::errors::rmse(last(1, None).as_flattened(), still.as_flattened());
+    println!("forgotten {forgotten:.4}, moved {moved:.4}");
+    // Pixels of another place in the texture have other directions, one frame's in eight.
+    assert!(forgotten > 0.02 && moved < 0.5 * forgotten);
 }
 
 /// Of an even sky directional occlusion is visibility times its radiance, bent normals bring the same visibility, and light

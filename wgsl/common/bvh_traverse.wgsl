@@ -377,7 +377,8 @@ fn order_of(entered: Entered) -> vec2u {
   return vec2u((order.x | order.y) | (order.z | order.w) | bounds.w, bounds.x | bounds.y | bounds.z);
 }
 
-// The nearest hit closer than t_max; of two at the same distance that of the primitive with the lower index.
+// The nearest hit closer than t_max; of two at the same distance that of the primitive with the lower index, and of two
+// instances that whose node comes first.
 fn trace_nearest(ray: Ray, t_max: f32) -> Hit {
   // Of eight successive nodes those that are to be visited: how many in bits 0 to 7, and from bit 8 on the first one's index;
   // and their order and bounds.

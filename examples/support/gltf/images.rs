@@ -4,7 +4,7 @@ use std::{cell::RefCell, collections::HashMap, io::Cursor, path::Path, rc::Rc};
 
 use deep_screen_space::{
     AlphaWrap,
-    glam::{DVec2, DVec3},
+    glam::{DVec2, DVec3, DVec4},
 };
 use gltf::{
     Document,
@@ -22,11 +22,14 @@ const LARGEST: u64 = 1 << 30;
 /// Points a side at which a triangle's texture is read.
 const POINTS: f64 = 8.0;
 
+/// An image, and whether its texels count as much as there is of them.
+type Key = (usize, bool);
+
 /// A file's images, each read when it is first needed.
 pub struct Images<'a> {
     document: &'a Document,
     folder: &'a Path,
-    read: RefCell<HashMap<usize, Option<Rc<Pyramid>>>>,
+    read: RefCell<HashMap<Key, Option<Rc<Pyramid>>>>,
 }
 
 impl<'a> Images<'a> {
@@ -38,8 +41,8 @@ impl<'a> Images<'a> {
         }
     }
 
-    /// A texture; none where it cannot be read, which is noted.
-    pub fn sampler(&self, file: &File<'_>, info: &Info<'_>) -> Option<Sampler> {
+    /// A texture; none where it cannot be read, which is noted. Where it `cuts` holes, its colour is that of what is there.
+    pub fn sampler(&self, file: &File<'_>, info: &Info<'_>, cuts: bool) -> Option<Sampler> {
         let texture = info.texture();
         let Some(image) = texture.source() else {
             file.notes.add(format!(
@@ -50,8 +53,8 @@ impl<'a> Images<'a> {
         };
         let index = image.index();
         let mut read = self.read.borrow_mut();
-        let pyramid = read.entry(index).or_insert_with(|| {
-            self.load(file, index)
+        let pyramid = read.entry((index, cuts)).or_insert_with(|| {
+            self.load(file, index, cuts)
                 .map_err(|e| file.notes.add(format!("image {index} is left out: {e}")))
                 .ok()
                 .map(Rc::new)
@@ -69,7 +72,7 @@ impl<'a> Images<'a> {
         })
     }
 
-    fn load(&self, file: &File<'_>, index: usize) -> Result<Pyramid, String> {
+    fn load(&self, file: &File<'_>, index: usize, cuts: bool) -> Result<Pyramid, String> {
         let json = &self.document.as_json().images[index];
         let view = json
             .buffer_view
@@ -87,13 +90,11 @@ impl<'a> Images<'a> {
         (limits.max_image_width, limits.max_image_height) = (Some(1 << 14), Some(1 << 14));
         reader.limits(limits);
         let image = reader.decode().map_err(|e| e.to_string())?;
-        let alpha = image
-            .color()
-            .has_alpha()
-            .then(|| AlphaMap::new(&image.to_rgba8()));
+        let texels = image.to_rgba8();
+        let has_alpha = image.color().has_alpha();
         Ok(Pyramid {
-            alpha: alpha.map(Rc::new),
-            ..Pyramid::new(&image.to_rgb8())
+            alpha: has_alpha.then(|| Rc::new(AlphaMap::new(&texels))),
+            ..Pyramid::new(&texels, cuts)
         })
     }
 }
@@ -108,7 +109,7 @@ impl AlphaMap {
     fn new(image: &image::RgbaImage) -> Self {
         let (width, height) = image.dimensions();
         let step = width.max(height).div_ceil(KEPT).max(1);
-        let alpha = |x, y| [f32::from(image.get_pixel(x, y).0[3]); 3];
+        let alpha = |x, y| [f32::from(image.get_pixel(x, y).0[3]); 4];
         let level = Level::reduce([width, height], step, alpha);
         Self {
             size: level.size,
@@ -131,17 +132,18 @@ impl AlphaMap {
 
 struct Level {
     size: [u32; 2],
-    texels: Vec<[f32; 3]>,
+    /// Colour times its weight, and the weight.
+    texels: Vec<[f32; 4]>,
 }
 
 impl Level {
     /// The mean of `step` × `step` texels each, of fewer at an edge.
-    fn reduce(size: [u32; 2], step: u32, at: impl Fn(u32, u32) -> [f32; 3]) -> Self {
+    fn reduce(size: [u32; 2], step: u32, at: impl Fn(u32, u32) -> [f32; 4]) -> Self {
         let reduced = size.map(|s| s.div_ceil(step));
         let mut texels = Vec::with_capacity((reduced[0] * reduced[1]) as usize);
         for y in 0..reduced[1] {
             for x in 0..reduced[0] {
-                let (mut sum, mut count) = ([0.0; 3], 0.0);
+                let (mut sum, mut count) = ([0.0; 4], 0.0);
                 for v in y * step..((y + 1) * step).min(size[1]) {
                     for u in x * step..((x + 1) * step).min(size[0]) {
                         let texel = at(u, v);
@@ -158,7 +160,7 @@ impl Level {
         }
     }
 
-    fn at(&self, x: u32, y: u32) -> [f32; 3] {
+    fn at(&self, x: u32, y: u32) -> [f32; 4] {
         self.texels[(y * self.size[0] + x) as usize]
     }
 }
@@ -170,12 +172,16 @@ struct Pyramid {
 }
 
 impl Pyramid {
-    fn new(image: &image::RgbImage) -> Self {
+    /// With `cuts` a texel counts as much as its alpha says.
+    fn new(image: &image::RgbaImage, cuts: bool) -> Self {
         let linear: [f32; 256] = std::array::from_fn(|i| from_srgb(i as f32 / 255.0));
         let (width, height) = image.dimensions();
         let step = width.max(height).div_ceil(KEPT).max(1);
         let mut levels = vec![Level::reduce([width, height], step, |x, y| {
-            image.get_pixel(x, y).0.map(|c| linear[c as usize])
+            let [r, g, b, a] = image.get_pixel(x, y).0;
+            let weight = if cuts { f32::from(a) / 255.0 } else { 1.0 };
+            let [r, g, b] = [r, g, b].map(|c| weight * linear[c as usize]);
+            [r, g, b, weight]
         })];
         while let Some(last) = levels.last()
             && last.size != [1, 1]
@@ -225,14 +231,14 @@ impl Sampler {
         let [width, height] = self.pyramid.levels[0].size.map(f64::from);
         let texels = (b - a).perp_dot(c - a).abs() / 2.0 * width * height;
         if !texels.is_finite() {
-            return self.at(DVec2::ZERO, self.pyramid.levels.len() - 1);
+            return color_of(self.at(DVec2::ZERO, self.pyramid.levels.len() - 1));
         }
         // Points in a grid of the triangle's parts, and the level whose texels lie as close.
         let points = texels.sqrt().ceil().clamp(1.0, POINTS);
         let level = (texels.sqrt() / points).max(1.0).log2().round() as usize;
         let level = level.min(self.pyramid.levels.len() - 1);
         let n = points as u32;
-        let mut sum = DVec3::ZERO;
+        let mut sum = DVec4::ZERO;
         for i in 0..n {
             for k in 0..2 * (n - i) - 1 {
                 // Parts of a strip point up and down by turns.
@@ -242,7 +248,7 @@ impl Sampler {
                 sum += self.at(a + (b - a) * u + (c - a) * v, level);
             }
         }
-        sum / (points * points)
+        color_of(sum)
     }
 
     /// Coordinates as the material has them.
@@ -259,7 +265,7 @@ impl Sampler {
         turned + DVec2::from(offset.map(f64::from))
     }
 
-    fn at(&self, uv: DVec2, level: usize) -> DVec3 {
+    fn at(&self, uv: DVec2, level: usize) -> DVec4 {
         let level = &self.pyramid.levels[level];
         let texel = |t: f64, wrap: WrappingMode, size: u32| {
             let inside = match wrap {
@@ -271,6 +277,11 @@ impl Sampler {
         };
         let x = texel(uv.x, self.wrap[0], level.size[0]);
         let y = texel(uv.y, self.wrap[1], level.size[1]);
-        DVec3::from(level.at(x, y).map(f64::from))
+        DVec4::from(level.at(x, y).map(f64::from))
     }
+}
+
+/// The colour of a weighted one; of nothing, black.
+fn color_of(weighted: DVec4) -> DVec3 {
+    weighted.truncate() / weighted.w.max(f64::MIN_POSITIVE)
 }

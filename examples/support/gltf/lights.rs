@@ -64,6 +64,12 @@ pub fn lights(file: &File<'_>) -> Result<Vec<Light>, String> {
             continue;
         };
         let [position, ahead, _] = frame(file.nodes.to_world[index]);
+        if !matches!(light.kind(), Kind::Point) && direction(ahead).is_none() {
+            file.notes.add(format!(
+                "the light of node {index} has no direction: it is left out"
+            ));
+            continue;
+        }
         let bright = light.color().map(|c| c * light.intensity());
         let light = match light.kind() {
             Kind::Directional => Light::Directional {

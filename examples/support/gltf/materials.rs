@@ -136,11 +136,12 @@ pub fn group<'a>(
         emission: sound(look.emission, BRIGHTEST),
         double_sided,
     };
-    let texture = |info: Option<gltf::texture::Info<'a>>, without: f64| {
+    let cuts = material.alpha_mode() == AlphaMode::Mask;
+    let texture = |info: Option<gltf::texture::Info<'a>>, without: f64, cuts: bool| {
         let Some(info) = info else {
             return Ok::<_, String>((1.0, None));
         };
-        let Some(sampler) = file.images.sampler(file, &info) else {
+        let Some(sampler) = file.images.sampler(file, &info, cuts) else {
             return Ok((without, None));
         };
         let set = Semantic::TexCoords(sampler.set());
@@ -150,9 +151,9 @@ pub fn group<'a>(
         })
     };
     let [r, g, b, opacity] = surface.base_color_factor().map(f64::from);
-    let (_, base) = texture(surface.base_color_texture(), 1.0)?;
+    let (_, base) = texture(surface.base_color_texture(), 1.0, cuts)?;
     let mut hole = None;
-    if material.alpha_mode() == AlphaMode::Mask {
+    if cuts {
         let cutoff = f64::from(material.alpha_cutoff().unwrap_or(0.5));
         let picture = base.as_ref();
         let picture = picture.and_then(|(sampler, uvs)| Some((sampler, uvs, sampler.alpha()?)));
@@ -186,7 +187,7 @@ pub fn group<'a>(
         vertices: open(&Semantic::Colors(0), Role::Colors)?,
     };
     // What glows where its texture says so does not glow all over without it.
-    let (share, glow) = texture(material.emissive_texture(), 0.0)?;
+    let (share, glow) = texture(material.emissive_texture(), 0.0, false)?;
     let strength = f64::from(material.emissive_strength().unwrap_or(1.0)) * share;
     let emission = Colors {
         // The file has a radiance, candela a square metre; a Lambertian surface's radiosity is π times as much.

@@ -9,8 +9,65 @@ use support::testing::pipelines;
 
 use super::{
     harness::{EXCEPTIONS, Frame, RUNNING, Rig, differences},
-    room::{EYE, Hit, Projection, ROOM, Shot, Surface, World, look, noise, pixels, straight},
+    room::{
+        EYE, Hit, Projection, ROOM, Shot, Surface, World, look, noise, orthographic_from, pixels,
+        straight,
+    },
 };
+
+/// An orthographic camera may stand anywhere along its axis: what the block uncovers starts anew from near and from far, and the
+/// rest goes on.
+#[test]
+fn nothing_ghosts_before_orthographic_cameras() {
+    let gpu = pipelines::gpu();
+    let viewport = Viewport::full(96, 64);
+    for back in [0.0, 30.0, 1000.0] {
+        let camera = orthographic_from(back, viewport);
+        let [first, second] = [-0.3, 0.2].map(|x| {
+            let world = World {
+                block: Some(x),
+                ..ROOM
+            };
+            Shot::new(gpu, world, &camera)
+        });
+        let mut rig = Rig::new(gpu, Channels::One, [96, 64], RUNNING);
+        let mut found = Vec::new();
+        for (shot, frame) in [(&first, 0), (&second, 1)] {
+            let picture = shot.paint(|i, _| noise(i, frame));
+            found = rig.step(
+                shot,
+                Frame {
+                    picture: &picture,
+                    ..Frame::default()
+                },
+            );
+        }
+        let (count, worst) = differences(&found, rig.expected());
+        assert!(
+            count as f64 <= EXCEPTIONS * found.len() as f64,
+            "{back}: {count} differ, by {worst}"
+        );
+        let (mut uncovered, mut kept) = (0, 0);
+        for (i, pixel) in found.iter().enumerate() {
+            let (Some(was), Some(is)) = (first.hits[i], second.hits[i]) else {
+                continue;
+            };
+            match (was.surface, is.surface) {
+                (Surface::Block, Surface::Wall) => {
+                    assert_eq!(pixel.frames, 1.0, "{back}: pixel {i}");
+                    uncovered += 1;
+                }
+                (Surface::Wall, Surface::Wall) => {
+                    assert_eq!(pixel.frames, 2.0, "{back}: pixel {i}");
+                    kept += 1;
+                }
+                _ => {}
+            }
+        }
+        println!("{back}: uncovered {uncovered}, kept {kept}");
+        assert!(uncovered > 40 && kept > 1000, "{uncovered}, {kept}");
+    }
+}
 
 #[test]
 fn nothing_ghosts_where_a_block_was() {

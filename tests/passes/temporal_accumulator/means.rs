@@ -2,7 +2,7 @@
 
 use deep_screen_space::{
     Channels, TemporalInput, TemporalSettings, Viewport,
-    glam::DVec2,
+    glam::{DVec2, DVec3},
     reference::{hashing, temporal_accumulator::Pixel},
     wgpu::TextureFormat as Format,
 };
@@ -10,7 +10,7 @@ use deep_screen_space::{
 use support::testing::{frames::Decoded, pipelines};
 
 use super::{
-    harness::{Frame, RUNNING, Rig, clear},
+    harness::{EXCEPTIONS, Frame, RUNNING, Rig, clear, differences},
     room::{EYE, ROOM, Shot, noise, straight},
 };
 
@@ -71,6 +71,47 @@ fn a_still_picture_s_mean_is_the_arithmetic_mean() {
             );
         }
     }
+}
+
+/// A channel that is the same at all pixels and in all frames keeps nothing of the others' history back, 0 or not: with clamping
+/// noise in one channel falls as it does in three alike.
+#[test]
+fn channels_that_do_not_vary_bound_none() {
+    let gpu = pipelines::gpu();
+    let viewport = Viewport::full(32, 24);
+    let shot = Shot::new(gpu, ROOM, &straight(EYE, viewport));
+    let settings = TemporalSettings {
+        clamping: 0.5,
+        ..RUNNING
+    };
+    let errors = [None, Some(0.0), Some(0.3)].map(|constant| {
+        let mut rig = Rig::new(gpu, Channels::Three, [32, 24], settings);
+        let mut found = Vec::new();
+        for frame in 0..24 {
+            let color = |i| {
+                let noise = noise(i, frame);
+                let other = constant.unwrap_or(noise);
+                DVec3::new(noise, other, other)
+            };
+            let picture: Vec<DVec3> = (0..shot.hits.len() as u32).map(color).collect();
+            found = rig.step(
+                &shot,
+                Frame {
+                    picture: &picture,
+                    ..Frame::default()
+                },
+            );
+        }
+        let (count, worst) = differences(&found, rig.expected());
+        assert!(
+            count as f64 <= EXCEPTIONS * found.len() as f64,
+            "{constant:?}: {count} differ, by {worst}"
+        );
+        let off = |pixel: &Pixel| (pixel.mean.x - 0.5).powi(2);
+        (found.iter().map(off).sum::<f64>() / found.len() as f64).sqrt()
+    });
+    println!("{errors:?}");
+    assert!(errors[1..].iter().all(|e| *e < 1.01 * errors[0]));
 }
 
 #[test]

@@ -204,6 +204,21 @@ pub fn look(eye: DVec3, toward: DVec3, projection: Projection, viewport: Viewpor
     Camera::look_at(eye, eye + toward, DVec3::Y, matrix, viewport).expect("a camera")
 }
 
+/// As from [`EYE`], from so far behind it.
+pub fn orthographic_from(back: f64, viewport: Viewport) -> Camera {
+    let aspect = f64::from(viewport.width) / f64::from(viewport.height);
+    let matrix = right::orthographic(
+        -2.0 * aspect,
+        2.0 * aspect,
+        -2.0,
+        2.0,
+        back + 0.1,
+        back + 50.0,
+    );
+    let eye = EYE + back * DVec3::Z;
+    Camera::look_at(eye, eye - DVec3::Z, DVec3::Y, matrix, viewport).expect("a camera")
+}
+
 pub fn straight(eye: DVec3, viewport: Viewport) -> Camera {
     look(eye, -DVec3::Z, Projection::Reversed, viewport)
 }

@@ -9,10 +9,15 @@ use serde_json::json;
 use super::files::{File, assert_sound, square};
 use crate::{folder, render, rmse};
 
-/// Half of it clear, half solid, as a PNG in the buffer.
-fn add_picture(file: &mut File) -> usize {
+/// Half of it clear, and of such a colour there, half solid, as a PNG in the buffer.
+fn add_picture(file: &mut File, clear: [u8; 3]) -> usize {
+    let [r, g, b] = clear;
     let image = RgbaImage::from_fn(8, 4, |x, _| {
-        Rgba([200, 100, 50, if x < 4 { 0 } else { 255 }])
+        Rgba(if x < 4 {
+            [r, g, b, 0]
+        } else {
+            [200, 100, 50, 255]
+        })
     });
     let mut bytes = Cursor::new(Vec::new());
     image
@@ -28,8 +33,12 @@ fn add_picture(file: &mut File) -> usize {
 }
 
 fn masked(mode: &str, cutoff: Option<f64>, opacity: f64) -> File {
+    masked_and_clear(mode, cutoff, opacity, [200, 100, 50])
+}
+
+fn masked_and_clear(mode: &str, cutoff: Option<f64>, opacity: f64, clear: [u8; 3]) -> File {
     let mut file = square();
-    let texture = add_picture(&mut file);
+    let texture = add_picture(&mut file, clear);
     let accessor = file.floats(&[[0.0_f32, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
     let primitive = &mut file.json["meshes"][0]["primitives"][0];
     primitive["attributes"]["TEXCOORD_0"] = json!(accessor);
@@ -46,6 +55,27 @@ fn masked(mode: &str, cutoff: Option<f64>, opacity: f64) -> File {
     file.push("materials", material);
     file.json["meshes"][0]["primitives"][0]["material"] = json!(0);
     file
+}
+
+/// What is cut out has no colour: whatever is in the picture there, the rest has the same albedo.
+#[test]
+fn colors_are_of_what_is_there() {
+    let albedo = |mode, clear| {
+        let scene = masked_and_clear(mode, None, 1.0, clear).scene();
+        let used = scene.parts.iter().map(|part| part.material as usize);
+        used.map(|i| scene.materials[i].albedo).collect::<Vec<_>>()
+    };
+    let solid = albedo("MASK", [200, 100, 50]);
+    for clear in [[0; 3], [255; 3]] {
+        let found = albedo("MASK", clear);
+        assert_eq!(found.len(), solid.len());
+        for (found, solid) in found.iter().zip(&solid) {
+            let near = |c: usize| (found[c] - solid[c]).abs() < 1e-6;
+            assert!((0..3).all(near), "{found:?}, {solid:?}");
+        }
+        // All of an opaque one counts.
+        assert_ne!(albedo("OPAQUE", clear), solid);
+    }
 }
 
 #[test]
