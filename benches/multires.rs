@@ -25,7 +25,6 @@ use support::{
 
 /// Effects by sub-images beside the same effects at full resolution.
 #[derive(Parser)]
-#[command(about)]
 struct Options {
     /// `WIDTHxHEIGHT`, any number of times; without, 1280x720, 1920x1080 and 3840x2160.
     #[arg(long, value_parser = bench::parse_size)]

@@ -218,7 +218,6 @@ fn settings(radius: f32, box_half_width: f32) -> ObscuranceSettings {
 
 /// Volumetric obscurance by lines, points and areas: error and time of each beside the others, in one run.
 #[derive(Parser)]
-#[command(about)]
 struct Options {
     /// Few scenes, small pictures, and times that are not asserted.
     #[arg(long)]

@@ -52,7 +52,6 @@ struct Unit {
 
 /// Time of each pass, and pairs of surfels and pixels per second, beside the same work in a Rust loop.
 #[derive(Parser)]
-#[command(about)]
 // Switches of a command line.
 #[allow(clippy::struct_excessive_bools)]
 struct Options {

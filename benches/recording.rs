@@ -60,7 +60,6 @@ type Rows = Vec<serde_json::Value>;
 
 /// What a frame of each method costs on the CPU.
 #[derive(Parser)]
-#[command(about)]
 struct Options {
     /// Few frames.
     #[arg(long)]

@@ -31,7 +31,6 @@ const SIZES: [([u32; 2], f64); 4] = [
 
 /// The hull against gathering the same 256 lights at every pixel, in one run.
 #[derive(Parser)]
-#[command(about)]
 struct Options {
     /// `WIDTHxHEIGHT`, any number of times; without, those of the paper, 1280x720 to 3840x2400.
     #[arg(value_parser = bench::parse_size)]

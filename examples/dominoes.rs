@@ -56,7 +56,6 @@ type Failure = Box<dyn std::error::Error>;
 
 /// Dominoes on glossy tiles.
 #[derive(Parser)]
-#[command(about)]
 struct Options {
     /// Where pictures go.
     #[arg(long, default_value = "out")]

@@ -25,7 +25,6 @@ use support::{
 
 /// Which method and settings meet an error or a time, here and in this scene.
 #[derive(Parser)]
-#[command(about)]
 struct Options {
     /// One of the crate's scenes.
     #[arg(default_value = "colonnade")]

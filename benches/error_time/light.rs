@@ -171,22 +171,13 @@ impl Method for AimedLight {
     fn variants(&self, _: &Stage<'_>, _: f32, _: bool) -> Vec<Variant<BouncedPreset>> {
         let aimed = |all| RaySettings::new(all, Payload::LitRadiance).for_emitters();
         let aimed = LADDER.map(aimed).into_iter();
-        let aimed: Vec<_> = aimed.filter(|rays| rays.emitter_samples > 0).collect();
-        let variants = |knob, clamp: Option<f32>| {
-            aimed.clone().into_iter().map(move |mut rays| {
-                let filter = &mut rays.filter;
-                filter.variance_clamp = clamp.unwrap_or(filter.variance_clamp);
-                Variant {
-                    knob,
-                    value: format!("{} + {}", rays.rays_per_pixel, rays.emitter_samples),
-                    setting: presets::of(&rays, f32::INFINITY),
-                }
-            })
+        let aimed = aimed.filter(|rays| rays.emitter_samples > 0);
+        let variant = |rays: RaySettings| Variant {
+            knob: "at lamps",
+            value: format!("{} + {}", rays.rays_per_pixel, rays.emitter_samples),
+            setting: presets::of(&rays, f32::INFINITY),
         };
-        let clamped = variants("at lamps", None);
-        clamped
-            .chain(variants("at lamps, no clamp", Some(0.0)))
-            .collect()
+        aimed.map(variant).collect()
     }
 
     fn describe(preset: &BouncedPreset) -> Value {

@@ -66,7 +66,6 @@ const TRIANGLE_BYTES: f64 = 48.0;
 
 /// Rays of the bounced z-buffer: time by what is asked of them, beside a ray tracer on the CPU.
 #[derive(Parser)]
-#[command(about)]
 #[expect(clippy::struct_excessive_bools, reason = "flags of a command line")]
 struct Options {
     /// The crate's scenes or glTF files; without, cornell, colonnade, dominoes and `closed_room`.

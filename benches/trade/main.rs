@@ -33,7 +33,6 @@ use support::{
 
 /// What plans are made of, and how good they are.
 #[derive(Parser)]
-#[command(about)]
 struct Options {
     /// glTF files whose views are predicted by the table that the crate has; without, the crate's own scenes, which a table is
     /// fitted to.

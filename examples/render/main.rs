@@ -45,7 +45,6 @@ use view::Shot;
 
 /// Ambient occlusion or indirect light of a scene, with all that is hidden or off screen.
 #[derive(Parser)]
-#[command(about)]
 pub(crate) struct Options {
     /// A glTF 2.0 file, or the name of one of the crate's scenes; the colonnade if left out.
     scene: Option<String>,

@@ -88,9 +88,9 @@ impl Quality {
     }
 }
 
-/// The [`HitResolverSettings::variance_clamp`] for rays of which a part is aimed and a part goes where noise is: of 0 to 16 that of
-/// the least error in the Cornell box, diffuse and glossy, and in the closed room. Without further rays few that agree by chance
-/// would be kept apart from their neighbours: there it makes the closed room's error half as large again.
+/// The [`HitResolverSettings::variance_clamp`] for rays of which a part is aimed and a part goes where noise is: of 0 to 16 that
+/// of the least error in the Cornell box, diffuse and glossy, and in the closed room. Without further rays few that agree by
+/// chance would be kept apart from their neighbours: there it makes the closed room's error half as large again.
 const AIMED_CLAMP: f32 = 2.0;
 
 /// How many rays, and how pixels share them.

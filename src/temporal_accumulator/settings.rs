@@ -12,9 +12,9 @@ pub struct TemporalSettings {
     /// `1 / √(2 max_frames − 1)` of a frame's. Default 32.
     pub max_frames: u32,
     /// How far the history's distance from the previous eye may be off the reprojected point's, as a share of it, 0 or
-    /// more. An orthographic camera is taken to be as far off as its picture is high. What is off by more is another surface, unless it lies within half a pixel's side of the point's plane, as
-    /// neighbours at a grazing angle do. Smaller keeps less history of what moves towards the eye; larger lets
-    /// surfaces ghost on those just behind them. Default 0.02.
+    /// more. An orthographic camera is taken to be as far off as its picture is high. What is off by more is another surface,
+    /// unless it lies within half a pixel's side of the point's plane, as neighbours at a grazing angle do. Smaller keeps less
+    /// history of what moves towards the eye; larger lets surfaces ghost on those just behind them. Default 0.02.
     pub depth_tolerance: f32,
     /// Least cosine between the pixel's normal and the history's, −1…1. At −1 normals do not matter. Default 0.9.
     pub normal_tolerance: f32,
