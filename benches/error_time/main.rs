@@ -15,7 +15,8 @@
 //!
 //! Light that has bounced once is measured likewise, in units of its mean over the picture: by the bounced z-buffer, its
 //! hits lit where they are, and by rays marched through the depth buffer of a picture whose direct light is given exactly.
-//! Where anything shines of itself the knob `at lamps` has as many rays, a part of them aimed there. Times are in units of the bounced z-buffer's `balanced` there.
+//! Where anything shines of itself the knob `at lamps` has as many rays, a part of them aimed there. Times are in units of the
+//! bounced z-buffer's `balanced` there.
 //!
 //! Prints a table and writes the same rows to `target/bench/error-time.json` and `target/bench/error-time.csv` (in JSON, null is
 //! infinity), and pictures of means over scenes: `error-time-radius.png` and `error-time-unbounded.png`, one line per method,
