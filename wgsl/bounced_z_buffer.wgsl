@@ -203,12 +203,11 @@ const MOST_OFFSET: f32 = 1e-3;
 // pixel can have, less than 2^32.
 const NEAREST: f32 = 16777216.0;
 
-// Where a pixel's rays start. `side` is its unit normal, `seen_from` the unit vector to where it is seen from, which leads
-// off any other surface that meets its own there: a point of an inner edge may have been rounded to beyond the other one.
-fn offset_origin(position: vec3f, side: vec3f, seen_from: vec3f) -> vec3f {
+// How far a pixel's rays start off it, along its normal and to where it is seen from: the latter leads off any other surface that
+// meets its own there, since a point of an inner edge may have been rounded to beyond the other one.
+fn offset_at(position: vec3f) -> f32 {
   let relative = position - camera.eye;
-  let grid = min(GRID * footprint(camera, relative), MOST_OFFSET * length(relative));
-  return position + (side + seen_from) * (ray_epsilon(position) + grid);
+  return ray_epsilon(position) + min(GRID * footprint(camera, relative), MOST_OFFSET * length(relative));
 }
 
 #if RADIANCE && !SKY_LIGHT
@@ -234,11 +233,23 @@ fn surfel_at(ray: Ray, hit: Hit) -> u32 {
 #endif
 #endif
 
+#if !DISKS
+// How far a normal may lean off the surface that is taken for the pixel's own, as a cosine.
+const OWN_COSINE: f32 = 0.25;
+
+// Whether a hit is on the surface that a pixel's ray left. Directions are about the G-buffer's normal, which may lean off the
+// surface, as smooth ones and those of maps do: then some lead below the surface's own horizon and meet it from where they
+// start above it. Nothing shines on itself. `side` is the unit normal of the side that is met.
+fn is_own(start: Start, ray: Ray, t: f32, side: vec3f) -> bool {
+  return dot(start.normal, side) > OWN_COSINE && -t * dot(ray.direction, side) <= start.height;
+}
+#endif
+
 #if EMITTERS
 // `pdf` is the density over solid angle with which the ray was drawn.
-fn incoming(ray: Ray, hit: Hit, sky: vec3f, pdf: f32) -> vec3f {
+fn incoming(start: Start, ray: Ray, hit: Hit, sky: vec3f, pdf: f32) -> vec3f {
 #else
-fn incoming(ray: Ray, hit: Hit, sky: vec3f) -> vec3f {
+fn incoming(start: Start, ray: Ray, hit: Hit, sky: vec3f) -> vec3f {
 #endif
   if hit.primitive == MISS {
     return sky;
@@ -254,6 +265,9 @@ fn incoming(ray: Ray, hit: Hit, sky: vec3f) -> vec3f {
 #endif
   let facing = dot(normal, ray.direction) < 0.0;
   let side = select(-normal, normal, facing);
+  if is_own(start, ray, hit.t, side) {
+    return vec3f(0.0);
+  }
   let place = ray.origin + ray.direction * hit.t;
   // Known to the rounding of where the ray started, which may be the farther end.
   let point = place + (side - ray.direction) * max(ray_epsilon(place), ray_epsilon(ray.origin));
@@ -287,7 +301,11 @@ fn incoming(ray: Ray, hit: Hit, sky: vec3f) -> vec3f {
 #else
   let surfel = surfel_at(ray, hit);
   let piece = pieces[hit.primitive];
-  let facing = dot(cross(piece.b - piece.a, piece.c - piece.a), ray.direction) < 0.0;
+  let normal = normalize_or(area_vector(Triangle(piece.a, piece.b, piece.c)).direction, -ray.direction);
+  let facing = dot(normal, ray.direction) < 0.0;
+  if is_own(start, ray, hit.t, select(-normal, normal, facing)) {
+    return vec3f(0.0);
+  }
 #endif
   let sent = radiance[surfel];
   return select(sent.back, sent.front, facing);
@@ -323,6 +341,8 @@ struct Start {
   origin: vec3f,
   // Of a pixel.
   side: f32,
+  // How high above its surface the rays start, at most: along both ways, and as far as the surface may be drawn off.
+  height: f32,
 }
 
 fn start_at(pixel: vec2u, texel: vec4u) -> Start {
@@ -330,7 +350,9 @@ fn start_at(pixel: vec2u, texel: vec4u) -> Start {
   let normal = unpack_normal(texel.w);
   let relative = position - camera.eye;
   let seen_from = to_camera(camera, relative);
-  return Start(pixel, normal, seen_from, offset_origin(position, normal, seen_from), footprint(camera, relative));
+  let offset = offset_at(position);
+  let origin = position + (normal + seen_from) * offset;
+  return Start(pixel, normal, seen_from, origin, footprint(camera, relative), 2.5 * offset);
 }
 
 // What comes along a ray.
@@ -445,9 +467,9 @@ fn look(start: Start, index: u32, turn: u32) -> Seen {
   let sky = params.sky_radiance;
 #endif
 #if EMITTERS
-  let arriving = incoming(ray, hit, sky, pdf);
+  let arriving = incoming(start, ray, hit, sky, pdf);
 #else
-  let arriving = incoming(ray, hit, sky);
+  let arriving = incoming(start, ray, hit, sky);
 #endif
 #if ENVIRONMENT && !GLOSSY
   seen.color = pack_color(drawn.weight * arriving);
@@ -508,6 +530,11 @@ fn shine(start: Start, index: u32, turn: u32) -> Shone {
   count_ray(met != MISS);
 #endif
   if met == MISS {
+    return Shone();
+  }
+  let piece = pieces[met];
+  let normal = normalize_or(area_vector(Triangle(piece.a, piece.b, piece.c)).direction, -direction);
+  if is_own(start, ray, distance, select(normal, -normal, dot(normal, direction) > 0.0)) {
     return Shone();
   }
   let aimed = aimed_pdf(EMITTER_SAMPLES, drawn.piece, drawn.share, direction, distance);

@@ -58,7 +58,7 @@ struct Options {
     /// One of the crate's scenes in place of all.
     #[arg(long)]
     scene: Option<String>,
-    /// One bounce of light alone, without occlusion and without files.
+    /// One bounce of light alone, without occlusion: its picture, and no other file.
     #[arg(long)]
     light: bool,
     /// All combinations of surfel radius, epsilon and levels too, and which of them no other beats. Takes long.
@@ -140,7 +140,7 @@ fn run(options: &Options) -> Result<(), String> {
         }
     }
     if options.light {
-        return Ok(());
+        return report_light(&rows);
     }
     report(&rows)
 }
@@ -192,15 +192,22 @@ fn report(rows: &[Row]) -> Result<(), String> {
         table::print_best(&panel);
         knobs.push(panel);
     }
+    report_light(rows)?;
+    chart::write(&folder.join("error-time-settings.png"), &knobs)?;
+    println!("{}", folder.join("error-time-settings.png").display());
+    Ok(())
+}
+
+/// The picture of light.
+fn report_light(rows: &[Row]) -> Result<(), String> {
     let rows: Vec<&Row> = rows.iter().filter(|r| r.effect == Effect::Gi).collect();
     let light = table::method_panel("one bounce of light, relative to its mean", &rows);
     println!();
     table::print_best(&light);
     table::print_scenes(&rows);
-    chart::write(&folder.join("error-time-light.png"), &[light])?;
-    println!("{}", folder.join("error-time-light.png").display());
-    chart::write(&folder.join("error-time-settings.png"), &knobs)?;
-    println!("{}", folder.join("error-time-settings.png").display());
+    let path = bench::folder()?.join("error-time-light.png");
+    chart::write(&path, &[light])?;
+    println!("{}", path.display());
     Ok(())
 }
 

@@ -40,6 +40,55 @@ pub struct Ray {
     pub origin: DVec3,
     /// A unit vector.
     pub direction: DVec3,
+    /// What it leaves, if it is a pixel's.
+    pub left: Option<Left>,
+}
+
+/// The surface that a pixel's ray leaves, which does not shine on itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Left {
+    /// The pixel's unit normal.
+    pub normal: DVec3,
+    /// How high above the surface the ray starts, at most.
+    pub height: f64,
+}
+
+const OWN_COSINE: f64 = 0.25;
+
+impl Ray {
+    /// A pixel's; the receiver is relative to the cloud's `origin`.
+    pub fn of_pixel(
+        camera: &Camera,
+        origin: DVec3,
+        Receiver { position, normal }: Receiver,
+        direction: DVec3,
+    ) -> Self {
+        Self {
+            origin: offset_origin(camera, origin, position, normal),
+            direction,
+            left: Some(Left {
+                normal,
+                height: 2.5 * offset_at(camera, origin, position),
+            }),
+        }
+    }
+
+    /// Whether a hit is on the surface that it left; `side` is the unit normal of the side that is met.
+    pub(super) fn is_own(&self, t: f64, side: DVec3) -> bool {
+        self.left.is_some_and(|left| {
+            left.normal.dot(side) > OWN_COSINE && -t * self.direction.dot(side) <= left.height
+        })
+    }
+}
+
+/// The side of a piece that a direction meets, as a unit vector.
+pub(super) fn side_met(t: &Triangle, direction: DVec3) -> DVec3 {
+    let normal = (t.b - t.a).cross(t.c - t.a).normalize_or(-direction);
+    if normal.dot(direction) < 0.0 {
+        normal
+    } else {
+        -normal
+    }
 }
 
 /// What a ray meets.
@@ -56,12 +105,18 @@ pub fn ray_epsilon(position: DVec3) -> f64 {
     4.0 * POSITION_TOLERANCE * position.abs().max_element()
 }
 
-/// Where a pixel's rays start, relative to the cloud's `origin`; `side` is its unit normal.
-pub fn offset_origin(camera: &Camera, origin: DVec3, position: DVec3, side: DVec3) -> DVec3 {
-    let seen_from = to_camera(camera, origin, position);
+/// How far a pixel's rays start off it, along its normal and to where it is seen from; `position` is relative to the cloud's
+/// `origin`.
+pub fn offset_at(camera: &Camera, origin: DVec3, position: DVec3) -> f64 {
     let relative = position - (camera.eye() - origin);
     let grid = (GRID * camera.footprint().at(relative)).min(MOST_OFFSET * relative.length());
-    position + (side + seen_from) * (ray_epsilon(position) + grid)
+    ray_epsilon(position) + grid
+}
+
+/// Where a pixel's rays start; `side` is its unit normal.
+pub fn offset_origin(camera: &Camera, origin: DVec3, position: DVec3, side: DVec3) -> DVec3 {
+    let seen_from = to_camera(camera, origin, position);
+    position + (side + seen_from) * offset_at(camera, origin, position)
 }
 
 /// Unit vector from a point to where a camera sees it from, both relative to the cloud's `origin`.
@@ -133,6 +188,7 @@ pub(super) fn unshadowed_where(
     let ray = Ray {
         origin: point,
         direction: way.to_light,
+        left: None,
     };
     let t_max = way.distance.min(FAR);
     traverse(&ray, end_size_of(light), pieces, t_max, is_there).is_none()
@@ -160,6 +216,9 @@ pub(super) fn lit_surface(
     let normal = normal.normalize_or(-ray.direction);
     let facing = normal.dot(ray.direction) < 0.0;
     let side = if facing { normal } else { -normal };
+    if ray.is_own(t, side) {
+        return DVec3::ZERO;
+    }
     let place = ray.origin + ray.direction * t;
     let offset = ray_epsilon(place).max(ray_epsilon(ray.origin));
     let point = place + (side - ray.direction) * offset;
@@ -261,15 +320,7 @@ impl Tracing<'_> {
             .map(|(i, drawn)| {
                 let receiver = self.receivers[i / per_pixel]?;
                 let Direction { direction, .. } = (*drawn)?;
-                Some(Ray {
-                    origin: offset_origin(
-                        self.camera,
-                        self.origin,
-                        receiver.position,
-                        receiver.normal,
-                    ),
-                    direction,
-                })
+                Some(Ray::of_pixel(self.camera, self.origin, receiver, direction))
             })
             .collect()
     }
@@ -282,16 +333,12 @@ impl Tracing<'_> {
         let width = self.camera.viewport().width;
         let at = [pixel as u32 % width, pixel as u32 / width];
         let grid = grid(self.settings.rays_per_pixel);
-        let Receiver { position, normal } = receiver;
-        let origin = offset_origin(self.camera, self.origin, position, normal);
         (0..grid[0] * grid[1])
             .flat_map(|index| (1..=sets).map(move |turn| [index, turn]))
             .map(|which| {
                 let point = further_point(at, which, grid, self.settings.frame);
-                Ray {
-                    origin,
-                    direction: hemisphere_direction(point, normal, self.sampling).direction,
-                }
+                let drawn = hemisphere_direction(point, receiver.normal, self.sampling);
+                Ray::of_pixel(self.camera, self.origin, receiver, drawn.direction)
             })
             .collect()
     }
@@ -337,11 +384,7 @@ impl Tracing<'_> {
                 if weight <= 0.0 {
                     return DVec3::ZERO;
                 }
-                let Receiver { position, normal } = receiver;
-                let ray = Ray {
-                    origin: offset_origin(self.camera, self.origin, position, normal),
-                    direction: toward.direction,
-                };
+                let ray = Ray::of_pixel(self.camera, self.origin, receiver, toward.direction);
                 let met = nearest(&ray, self.pieces, t_max);
                 weight * met.map_or(toward.radiance, |met| hit(&ray, &met))
             })
@@ -411,6 +454,9 @@ impl Tracing<'_> {
             senders.counts.surfels,
             senders.capacity.surfels,
         );
+        if ray.is_own(hit.t, side_met(&t, ray.direction)) {
+            return [0.0; 3];
+        }
         let sent = senders.radiance[surfel as usize];
         let facing = (t.b - t.a).cross(t.c - t.a).dot(ray.direction) < 0.0;
         if facing { sent.front } else { sent.back }

@@ -5,7 +5,9 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::{
-    bounced_z_buffer::{FAR, POSITION_TOLERANCE, Ray, Tracing, nearest, offset_origin, to_camera},
+    bounced_z_buffer::{
+        FAR, POSITION_TOLERANCE, Ray, Tracing, nearest, offset_origin, side_met, to_camera,
+    },
     directions::{GOLDEN_STEP, further_point, hemisphere_direction, point_within},
     ggx::Lobe,
     hashing::{hash, multiply_high, unit_float},
@@ -206,6 +208,11 @@ impl Aiming<'_> {
         })
     }
 
+    fn ray(&self, start: &Start, direction: DVec3) -> Ray {
+        let Tracing { camera, origin, .. } = *self.tracing;
+        Ray::of_pixel(camera, origin, start.receiver, direction)
+    }
+
     fn place(&self, pixel: usize) -> [u32; 2] {
         let width = self.tracing.camera.viewport().width;
         [pixel as u32 % width, pixel as u32 / width]
@@ -234,16 +241,16 @@ impl Aiming<'_> {
             let direction = hemisphere_direction(point, normal, Sampling::Cosine).direction;
             (direction, normal.dot(direction).max(0.0) / PI)
         };
-        let ray = Ray {
-            origin: start.origin,
-            direction,
-        };
+        let ray = self.ray(&start, direction);
         let pieces = self.tracing.pieces;
         let Some(hit) = nearest(&ray, pieces, self.t_max()) else {
             return DVec3::from(settings.sky_radiance.map(f64::from));
         };
         let (materials, lights) = self.lighting;
         let piece = &pieces[hit.piece];
+        if ray.is_own(hit.t, side_met(&piece.corners, direction)) {
+            return DVec3::ZERO;
+        }
         let own = own_along(piece, materials, direction);
         let aimed = pdf(self.emitters.share(hit.piece), piece, direction, hit.t);
         let by_chance = f64::from(settings.rays_per_pixel) * density;
@@ -285,14 +292,14 @@ impl Aiming<'_> {
         if values[0] + values[1] <= 0.0 || distance > self.t_max() {
             return NONE;
         }
-        let ray = Ray {
-            origin: start.origin,
-            direction,
-        };
+        let ray = self.ray(&start, direction);
         let scene = (pieces, self.lighting.0);
         let Some(met) = aim(&ray, scene, &drawn, distance, self.t_max()) else {
             return NONE;
         };
+        if ray.is_own(distance, side_met(&pieces[met].corners, direction)) {
+            return NONE;
+        }
         let own = own_along(&pieces[met], self.lighting.0, direction);
         let aimed = pdf(drawn.share, &pieces[drawn.piece], direction, distance);
         let samples = f64::from(self.samples);

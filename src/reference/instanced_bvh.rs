@@ -99,6 +99,7 @@ fn ray_within(ray: &Ray, end_size: Option<f64>, instance: &Instance<'_>) -> With
         ray: Ray {
             origin: rows * (ray.origin - instance.shift),
             direction,
+            left: None,
         },
         reach: sizes * (ray.origin.abs() + instance.shift.abs()),
         end_reach: end_size.map(|size| sizes * DVec3::splat(size)),
@@ -161,6 +162,7 @@ pub fn unshadowed(point: DVec3, light: &Light, instances: &[Instance<'_>]) -> bo
     let ray = Ray {
         origin: point,
         direction: way.to_light,
+        left: None,
     };
     let t_max = way.distance.min(FAR);
     traverse(&ray, end_size_of(light), instances, t_max, |_, _, _| true).is_none()

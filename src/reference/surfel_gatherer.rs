@@ -116,6 +116,7 @@ impl Gathering<'_> {
             let ray = Ray {
                 origin: self.start_of(leaf, turn, k, side),
                 direction: hemisphere_direction(cell, side, Sampling::Cosine).direction,
+                left: None,
             };
             let hit = nearest(&ray, self.senders.pieces, FAR);
             sum += self.incoming(&ray, hit, side, (surfel_offsets, total));
@@ -153,7 +154,11 @@ impl Gathering<'_> {
             };
             let (direction, distance) = (drawn.point - origin).normalize_and_length();
             let value = side.dot(direction).max(0.0) / PI;
-            let ray = Ray { origin, direction };
+            let ray = Ray {
+                origin,
+                direction,
+                left: None,
+            };
             if value > 0.0
                 && let Some(met) =
                     emitters::aim(&ray, (pieces, self.materials), &drawn, distance, FAR)

@@ -338,11 +338,25 @@ fn double_sided_lamps_emit_from_both_sides() {
 /// the error is what the directions' noise is.
 #[test]
 fn one_bounce_has_no_bias() {
+    one_bounce_is_unbiased(0.0);
+}
+
+/// Nor where normals lean 40° and 60° off the surface, as smooth ones and those of maps do: rays below the surface's horizon bring
+/// nothing of its own light.
+#[test]
+fn leaning_normals_do_not_see_their_own_surface() {
+    for slope in [0.84, 1.73] {
+        one_bounce_is_unbiased(slope);
+    }
+}
+
+fn one_bounce_is_unbiased(slope: f64) {
     let mut scene = scenes::cornell();
     for material in &mut scene.materials {
         material.emission = [0.0; 3];
     }
-    let case = Case::new(&scene, &camera_of(&scene, 0, [40, 40]), AMPLE);
+    let mut case = Case::new(&scene, &camera_of(&scene, 0, [40, 40]), AMPLE);
+    case.shot.lean(lab().gpu, slope);
     let all = lights(&scene, 1.0, DVec3::ZERO);
     let settings = BouncedSettings {
         rays_per_pixel: 64,

@@ -160,6 +160,23 @@ impl Shot {
         }
     }
 
+    /// Leans the normals of all pixels off their surfaces, by so much aside for one along them.
+    pub fn lean(&mut self, gpu: &Gpu, slope: f64) {
+        let mut texels = Vec::new();
+        for pixel in &mut self.pixels {
+            let mut texel = [0.0; 4];
+            if let Some(Pixel { receiver, .. }) = pixel {
+                let aside = receiver.geometric_normal.any_orthonormal_vector();
+                let leaning = (receiver.geometric_normal + slope * aside).normalize();
+                receiver.shading_normal = leaning;
+                texel = leaning.as_vec3().extend(0.0).to_array();
+            }
+            texels.push(texel);
+        }
+        let format = wgpu::TextureFormat::Rgba32Float;
+        self.normal = framed(gpu, &self.camera, format, &texels, [0.0; 4]);
+    }
+
     pub fn gbuffer(&self) -> GBuffer<'_> {
         GBuffer::new(self.depth.texture(), self.normal.texture())
     }
