@@ -341,8 +341,8 @@ fn one_bounce_has_no_bias() {
     one_bounce_is_unbiased(0.0);
 }
 
-/// Nor where normals lean 40° and 60° off the surface, as smooth ones and those of maps do: rays below the surface's horizon bring
-/// nothing of its own light.
+/// Nor where normals lean 40° and 60° off the surface, as smooth ones and those of maps do: rays below the surface's horizon
+/// bring nothing of its own light.
 #[test]
 fn leaning_normals_do_not_see_their_own_surface() {
     for slope in [0.84, 1.73] {
