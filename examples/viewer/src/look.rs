@@ -387,7 +387,7 @@ mod tests {
         let before = look;
         look.aim(true);
         assert_eq!(look.rays.all_rays(), before.rays.all_rays());
-        assert_eq!([look.rays.emitter_samples, look.aims().into()], [4, 1]);
+        assert_eq!([look.rays.emitter_samples, look.aims().into()], [2, 1]);
         look.aim(false);
         assert_eq!(look, before);
     }
