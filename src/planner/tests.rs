@@ -19,6 +19,16 @@ const EFFECTS: [RayTracedEffect; 5] = [
     },
 ];
 
+/// Of each effect, and of occlusion with and without a radius.
+const CURVES: [curves::Curves; 6] = [
+    curves::WITHIN_RADIUS,
+    curves::UNBOUNDED,
+    curves::SKY,
+    curves::BENT,
+    curves::LIGHT,
+    curves::GLOSSY,
+];
+
 fn calibration() -> Calibration {
     let method = |scene_ms, low, high, difference| {
         Some(MethodCalibration {
@@ -388,14 +398,7 @@ fn radii_out_of_range_are_refused() {
 
 #[test]
 fn curves_run_through_their_rungs() {
-    for curves in [
-        curves::WITHIN_RADIUS,
-        curves::UNBOUNDED,
-        curves::SKY,
-        curves::BENT,
-        curves::LIGHT,
-        curves::GLOSSY,
-    ] {
+    for curves in CURVES {
         let few = curves::RAYS.len() - curves.rays.errors.len();
         let works: Vec<f64> = curves::RAYS[few..]
             .iter()
@@ -449,14 +452,7 @@ fn measured_errors_are_met() {
 
 #[test]
 fn curves_fall() {
-    for curves in [
-        curves::WITHIN_RADIUS,
-        curves::UNBOUNDED,
-        curves::SKY,
-        curves::BENT,
-        curves::LIGHT,
-        curves::GLOSSY,
-    ] {
+    for curves in CURVES {
         for kind in MethodKind::ALL {
             let Some(curve) = curves.of(kind) else {
                 continue;
